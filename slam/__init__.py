@@ -1,0 +1,1 @@
+"""lidarlift's SLAM: data sets in, trajectory and map out."""

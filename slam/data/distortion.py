@@ -1,0 +1,34 @@
+"""What bends a scan, undone: the motion of the sensor during the sweep, and the HDL-64E's elevation error."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slam.data import se3
+from slam.data.cloud import Array, PointCloud
+from slam.data.kernels import move_along_sweep, raise_elevation
+
+
+def deskew(cloud: PointCloud, motion: Array) -> PointCloud:
+    """The cloud as a sensor standing still at mid-sweep would have seen it.
+
+    `motion` (4, 4) is T_start_end of the sweep: the pose at its end in the frame of its start. The velocity is taken
+    as constant over the sweep, as in KISS-ICP (Vizzo et al., RA-L 2023, eq. 2). Clouds without times are returned
+    as they are.
+    """
+    if cloud.time is None:
+        return cloud
+    twist = se3.log(motion)
+    K = se3.skew(twist[:3])
+    return cloud.with_xyz(move_along_sweep(cloud.xyz, cloud.time, K, K @ K / 2, K @ K @ K / 6, twist[3:]))
+
+
+def correct_vertical(cloud: PointCloud, angle: float) -> PointCloud:
+    """The cloud with every elevation raised by `angle` [rad]: KITTI's HDL-64E needs 0.205 deg.
+
+    A rotation of each point p about p x z (Deschaud, "IMLS-SLAM", ICRA 2018). Rings must have been recovered and
+    dropped before: afterwards the points no longer lie on their lasers' lines.
+    """
+    if angle == 0.0:
+        return cloud
+    return cloud.with_xyz(raise_elevation(cloud.xyz, np.sin(angle), np.cos(angle)))

@@ -1,0 +1,1 @@
+"""Scan registration: voxel Gaussians, NDT and ICP."""
