@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from slam.data.problem import Problem
+
 Array = npt.NDArray[Any]
 
 #: Range error of a measured point [m], half the width of the central 68 % interval (HDL-64E and VLP-16 data sheets).
@@ -72,8 +74,9 @@ class PointCloud:
         return self.with_xyz(self.xyz @ rotation.T + translation)
 
     def _map(self, function: Callable[[Array], Array]) -> PointCloud:
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return PointCloud(**{name: None if value is None else function(value) for name, value in values.items()})
+        columns = {field.name: getattr(self, field.name) for field in fields(self)}
+        mapped: dict[str, Any] = {name: None if value is None else function(value) for name, value in columns.items()}
+        return PointCloud(**mapped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +97,17 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One scan of a drive: number in the data set, time stamp [s], points as recorded, and the camera where there is one."""
+    """One scan of a drive: its number in the data set, stamp [s], points as recorded, and the camera beside it.
+
+    `problems` says what was wrong with this scan or its image, and what was done about it.
+    """
 
     index: int
     stamp: float
     cloud: PointCloud
     calibration: Calibration | None = None
     read_image: Callable[[], Array | None] = lambda: None
+    problems: tuple[Problem, ...] = ()
 
     @property
     def image(self) -> Array | None:

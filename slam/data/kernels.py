@@ -36,3 +36,84 @@ def raise_elevation(xyz, sine, cosine):
         out[i, 1] = xyz[i, 1] * stretch
         out[i, 2] = xyz[i, 2] * cosine + rho * sine
     return out
+
+
+@njit(cache=True, nogil=True)
+def wraps(xyz):
+    """(N,) bool: does the azimuth (mod 2 pi) fall by more than pi from the point before to this one?
+
+    That is the step over +x from the right (y < 0) to the left by less than half a turn, so no angle is needed.
+    """
+    out = np.zeros(len(xyz), np.bool_)
+    for i in range(1, len(xyz)):
+        if xyz[i - 1, 1] < 0 <= xyz[i, 1]:
+            out[i] = xyz[i - 1, 0] * xyz[i, 1] > xyz[i - 1, 1] * xyz[i, 0]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def count_up(steps):
+    """(N,) bool -> (N,) int16: how many steps there were up to each point."""
+    out, count = np.empty(len(steps), np.int16), 0
+    for i in range(len(steps)):
+        count += steps[i]
+        out[i] = count
+    return out
+
+
+@njit(cache=True, nogil=True)
+def nearest_lines(xyz, tangent, offset):
+    """(N,) int16: the laser k whose line z = tangent[k] * rho + offset[k] passes nearest above or below each point."""
+    out = np.empty(len(xyz), np.int16)
+    for i in range(len(xyz)):
+        rho = math.sqrt(xyz[i, 0] * xyz[i, 0] + xyz[i, 1] * xyz[i, 1])
+        best, nearest = np.inf, 0
+        for k in range(len(tangent)):
+            distance = abs(xyz[i, 2] - tangent[k] * rho - offset[k])
+            if distance < best:
+                best, nearest = distance, k
+        out[i] = nearest
+    return out
+
+
+@njit(cache=True, nogil=True)
+def cheapest_lines(xyz, weight, wrap, tangent, offset, spacing, switch_cost):
+    """Rings (N,) int16 that never fall along the file and fit the laser lines best; and the weighted mean misfit, 0..1.
+
+    A point's misfit to line k is its distance from it, seen from the sensor, in units of `spacing[k]` and at most 1.
+    The next ring may come freely at a `wrap`, and for `switch_cost` elsewhere; staying on a ring over a wrap costs
+    half of that. Dynamic programming over points and lines (Viterbi).
+    """
+    count, lines = len(xyz), len(tangent)
+    came_from = np.empty((count, lines), np.int16)
+    cost = np.zeros(lines)
+    for i in range(count):
+        rho = max(math.sqrt(xyz[i, 0] * xyz[i, 0] + xyz[i, 1] * xyz[i, 1]), 1e-3)
+        stay, switch = (0.5 * switch_cost, 0.0) if wrap[i] else (0.0, switch_cost)
+        lowest, lowest_line = np.inf, 0
+        for k in range(lines):
+            here = cost[k]
+            cost[k], came_from[i, k] = here + stay, k
+            if lowest + switch < cost[k]:
+                cost[k], came_from[i, k] = lowest + switch, lowest_line
+            if here < lowest:
+                lowest, lowest_line = here, k
+            cost[k] += weight[i] * min(1.0, abs(xyz[i, 2] - tangent[k] * rho - offset[k]) / (rho * spacing[k]))
+    ring = np.empty(count, np.int16)
+    misfit, line = 0.0, int(np.argmin(cost))
+    for i in range(count - 1, -1, -1):
+        rho = max(math.sqrt(xyz[i, 0] * xyz[i, 0] + xyz[i, 1] * xyz[i, 1]), 1e-3)
+        distance = abs(xyz[i, 2] - tangent[line] * rho - offset[line])
+        misfit += weight[i] * min(1.0, distance / (rho * spacing[line]))
+        ring[i] = line
+        line = came_from[i, line]
+    return ring, misfit / max(weight.sum(), 1e-9)
+
+
+@njit(cache=True, nogil=True)
+def sweep_fractions(xyz):
+    """(N,) float32: 1/2 - azimuth / (2 pi)."""
+    out = np.empty(len(xyz), np.float32)
+    for i in range(len(xyz)):
+        out[i] = 0.5 - math.atan2(xyz[i, 1], xyz[i, 0]) / (2 * math.pi)
+    return out

@@ -1,4 +1,4 @@
-"""Rigid motions as 4x4 matrices `T_a_b` (frame b into frame a); tangent vectors have the rotation first, as in GTSAM."""
+"""Rigid motions as 4x4 matrices `T_a_b` (frame b into frame a); tangent vectors: rotation first, as in GTSAM."""
 
 from __future__ import annotations
 
@@ -65,4 +65,11 @@ def interpolate(stamps: Array, poses: Array, at: Array) -> Array:
     result[:, :3, :3] = Slerp(stamps, Rotation.from_matrix(poses[:, :3, :3]))(at).as_matrix()
     for axis in range(3):
         result[:, axis, 3] = np.interp(at, stamps, poses[:, axis, 3])
+    return result
+
+
+def normalized(T: Array) -> Array:
+    """The pose (4, 4) with its rotation made orthonormal again: rounding grows when poses are chained."""
+    result = T.copy()
+    result[:3, :3] = Rotation.from_matrix(T[:3, :3]).as_matrix()
     return result

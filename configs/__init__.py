@@ -1,0 +1,1 @@
+"""Presets: what differs from the defaults of slam/config.py. Installed as slam.presets."""

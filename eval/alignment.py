@@ -1,0 +1,87 @@
+"""Which poses belong together, and the rigid motion that lays one trajectory over another."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from slam.data import se3
+from slam.data.cloud import Array
+
+#: How an estimate is laid over its reference before positions are compared.
+Alignment = Literal["aligned", "origin", "unaligned"]
+
+#: Poses whose stamps differ by no more belong together [s]; evo's default.
+MAX_STAMP_DIFFERENCE = 0.01
+
+NOT_UNIQUE = (
+    "positions lie on one point or one line, so the SE(3) Umeyama alignment is not unique: "
+    "of the best ones the one that fits the orientations was taken"
+)
+
+
+def as_evo(poses: Array) -> Any:
+    """Poses (N, 4, 4) as an evo path."""
+    from evo.core.trajectory import PosePath3D
+
+    return PosePath3D(poses_se3=list(poses))
+
+
+def associate(stamps: Array, reference_stamps: Array) -> tuple[Array, Array]:
+    """Indices (K,) into both lists of poses whose stamps [s] agree within 0.01 s, as evo pairs them.
+
+    >>> associate(np.array([0.0, 0.1, 0.2]), np.array([0.104, 0.2, 0.3]))
+    (array([1, 2]), array([0, 1]))
+    """
+    from evo.core.sync import matching_time_indices
+
+    if len(stamps) <= len(reference_stamps):
+        ours, theirs = matching_time_indices(stamps, reference_stamps, MAX_STAMP_DIFFERENCE)
+    else:
+        theirs, ours = matching_time_indices(reference_stamps, stamps, MAX_STAMP_DIFFERENCE)
+    return np.array(ours, int), np.array(theirs, int)
+
+
+def nearest_rotation(M: Array) -> Array:
+    """The rotation R (3, 3) that maximises trace(R^T M), M (3, 3) (Kabsch 1976; Umeyama 1991, lemma)."""
+    U, _, Vt = np.linalg.svd(M)
+    return np.asarray(U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))]) @ Vt)
+
+
+def umeyama(estimate: Array, reference: Array) -> tuple[Array, bool]:
+    """T (4, 4) with the least sum |g_i - T p_i|^2 over the positions of poses (N, 4, 4), and whether it is unique.
+
+    Umeyama, "Least-squares estimation of transformation parameters between two point patterns", PAMI 1991, without
+    scale, by evo. On a standing or exactly straight trajectory the covariance has rank 0 or 1 and evo refuses
+    (GeometryException): the residual is still well defined, the rotation is not. Then the same minimum is taken with
+    the orientations as a vanishing second term, and the flag is False.
+    """
+    from evo.core.geometry import GeometryException, umeyama_alignment
+
+    x, y = estimate[:, :3, 3], reference[:, :3, 3]
+    T = np.eye(4)
+    try:
+        T[:3, :3], T[:3, 3], _ = umeyama_alignment(x.T, y.T)
+        return T, True
+    except GeometryException:
+        covariance = (y - y.mean(0)).T @ (x - x.mean(0))
+        orientations = np.einsum("nij,nkj->ik", reference[:, :3, :3], estimate[:, :3, :3]) / len(x)
+        weight = 1e-9 * (np.linalg.norm(covariance) or 1.0)
+        T[:3, :3] = nearest_rotation(covariance + weight * orientations)
+        T[:3, 3] = y.mean(0) - T[:3, :3] @ x.mean(0)
+        return T, False
+
+
+def alignment_transform(estimate: Array, reference: Array, alignment: Alignment) -> tuple[Array, bool]:
+    """T (4, 4) to put before each pose of the estimate (N, 4, 4), and whether it is unique.
+
+    aligned    SE(3) Umeyama over all positions, no scale
+    origin     the first pose, position and orientation, onto the reference's first pose
+    unaligned  identity
+    """
+    if alignment == "aligned":
+        return umeyama(estimate, reference)
+    if alignment == "origin":
+        return reference[0] @ se3.inverse(estimate[0]), True
+    return np.eye(4), True

@@ -1,0 +1,108 @@
+"""Whose poses a trajectory holds, the LiDAR's or camera 0's, and the way from one to the other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from slam.data import se3
+from slam.data.cloud import Array
+from slam.data.errors import InputError
+
+#: "lidar": x forward, y left, z up. "camera": KITTI's camera 0, x right, y down, z forward.
+BodyFrame = Literal["lidar", "camera", "unknown"]
+
+#: Below this distance from the start [m] the motion may be noise, and below this share of the squared motion an axis
+#: does not stand out: then the frame is unknown.
+MIN_DISTANCE = 2.0
+MIN_SHARE = 0.8
+
+
+def body_frame(poses: Array) -> BodyFrame:
+    """The frame of poses (N, 4, 4), told from the axis along which the body moves: a vehicle drives forward.
+
+    "lidar" if most of the motion between consecutive poses is along the body's x, "camera" if it is along z, "unknown"
+    if neither stands out or the body hardly moved.
+    """
+    position = poses[:, :3, 3]
+    if np.linalg.norm(position - position[0], axis=1).max() < MIN_DISTANCE:
+        return "unknown"
+    motion = (se3.inverse(poses[:-1]) @ poses[1:])[:, :3, 3]
+    share = (motion**2).sum(axis=0) / (motion**2).sum()
+    if share[0] > MIN_SHARE:
+        return "lidar"
+    return "camera" if share[2] > MIN_SHARE else "unknown"
+
+
+def into_lidar_frame(poses: Array, T_camera0_lidar: Array) -> Array:
+    """Camera-0 poses (N, 4, 4) in the first camera's axes -> LiDAR poses in the first LiDAR's: inv(Tr) P Tr."""
+    return se3.inverse(T_camera0_lidar) @ poses @ T_camera0_lidar
+
+
+def read_camera0_calibration(path: Path) -> Array:
+    """T_camera0_lidar (4, 4) from KITTI odometry's calib.txt (`Tr:`) or KITTI raw's calib_velo_to_cam.txt (`R:`, `T:`).
+
+    The raw file's camera 0 is the unrectified one; the odometry file's is rectified (they differ by under a degree).
+    Raises InputError where the file is missing or holds neither.
+    """
+    from slam.data.files import matrix, read_keyed_numbers  # brings numba, which nothing else here needs
+
+    entries = read_keyed_numbers(path)
+    if "Tr" in entries:
+        T = matrix(entries, path, "Tr")
+    elif "R" in entries and "T" in entries:
+        T = matrix(entries, path, "R", "T")
+    else:
+        raise InputError(
+            f"{path}: no LiDAR-to-camera transform in it; expected the line 'Tr:' of a KITTI odometry calib.txt "
+            "or 'R:' and 'T:' of a raw drive's calib_velo_to_cam.txt"
+        )
+    if not is_rotation(T):
+        raise InputError(f"{path}: the LiDAR-to-camera transform is not a rotation and a translation; check the file")
+    if T[2, 0] < 0.5:
+        raise InputError(
+            f"{path}: does not turn the LiDAR's forward (x) into the camera's (z); "
+            "is it another pair of sensors, such as calib_imu_to_velo.txt?"
+        )
+    return T
+
+
+def is_rotation(poses: Array, tolerance: float = 1e-2) -> bool:
+    """Whether the 3x3 parts of a pose (4, 4) or a stack (N, 4, 4) are rotations, up to a text file's rounding."""
+    R = poses[..., :3, :3]
+    orthonormal = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max() < tolerance
+    return bool(orthonormal and (np.linalg.det(R) > 0).all())
+
+
+def require_same_frame(
+    estimate: Array, reference: Array, names: tuple[str, str], calibrated_from: BodyFrame | None = None
+) -> None:
+    """Refuse trajectories that are poses of different bodies; the metrics would mean nothing.
+
+    `names` are the files' names for the message; `calibrated_from` is the frame that the reference showed before
+    --calib brought it into the LiDAR frame, None without --calib. Raises InputError.
+    """
+    if calibrated_from == "lidar":
+        raise InputError(
+            f"{names[1]}: moves forward along x, so it is in the LiDAR frame already; "
+            "--calib is for references in camera-0 axes (forward along z): leave it out"
+        )
+    kinds = body_frame(estimate), body_frame(reference)
+    if "unknown" in kinds or kinds[0] == kinds[1]:
+        return
+    if calibrated_from is not None:
+        raise InputError(
+            f"{names[0]}: moves forward along z, so it is in camera-0 axes, while --calib brings the reference into "
+            "the LiDAR frame; if both are in camera-0 axes leave --calib out"
+        )
+    if kinds[1] == "camera":
+        raise InputError(
+            f"{names[0]} is a LiDAR trajectory (moves forward along x), {names[1]} one of camera 0 (along z): errors "
+            "between different bodies mean nothing; give the drive's calibration with --calib calib.txt"
+        )
+    raise InputError(
+        f"{names[0]} is in camera-0 axes (moves forward along z), {names[1]} in LiDAR axes (along x): errors between "
+        "different bodies mean nothing; export the estimate in the LiDAR frame, or give a reference in camera-0 axes"
+    )

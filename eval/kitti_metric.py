@@ -1,0 +1,137 @@
+"""KITTI's odometry metric: relative error over segments of the ground-truth path, written from its definition."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from eval.alignment import nearest_rotation
+from eval.trajectory import distances
+from slam.data import se3
+from slam.data.cloud import Array
+
+#: Segments start at every 10th frame [frames]; the devkit's step of one second.
+STEP = 10
+
+#: Length of the reference's path from which on a set of segment lengths is used [m], and that set [m]. KITTI's own
+#: from 200 m on (as many of them as fit); below, one short length, so that a drive gives several segments.
+LENGTHS = (
+    (200.0, (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)),
+    (60.0, (50.0,)),
+    (12.0, (10.0,)),
+)
+
+#: A direction in which the segments spread less than this share of their main one does not count for the body rotation.
+OBSERVABLE = 0.01
+
+PROTOCOL = {
+    "drift": "KITTI devkit's odometry metric, no alignment: mean over segments of the reference's path of the error of "
+    "the relative pose, divided by the length; a start every 10 frames. 100-800 m as far as they fit from 200 m of "
+    "path on; a short drive: 50 m from 60 m on, 10 m from 12 m on",
+    "drift.body_rotation_removed": "the same over the same segments after e' = e X with the constant rotation X of the "
+    "body frame that minimises sum |X dg - de|^2 / length^2, dg and de the segments' translations in the body frame "
+    "of their first pose",
+}
+
+
+@dataclass(frozen=True)
+class BodyRotationRemoved:
+    """The drift once more, without what a constant rotation between the two body frames explains.
+
+    rotation_deg  angle of that rotation [deg]
+    """
+
+    translation_percent: float
+    rotation_deg_per_100m: float
+    rotation_deg: float
+
+
+@dataclass(frozen=True)
+class Drift:
+    """KITTI's translation [%] and rotation [deg/100 m] error, None where no segment fits (`reason` says why).
+
+    name       what was measured: "KITTI 100-800 m", or "short drive, 50 m"
+    lengths_m  the lengths that at least one segment has [m]
+    segments   how many segments the mean is over
+    """
+
+    translation_percent: float | None
+    rotation_deg_per_100m: float | None
+    lengths_m: tuple[float, ...]
+    segments: int
+    name: str
+    body_rotation_removed: BodyRotationRemoved | None = None
+    reason: str | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**asdict(self), "lengths_m": list(self.lengths_m)}
+
+
+def kitti_drift(estimate: Array, reference: Array) -> Drift:
+    """Drift of an estimate against the reference, poses (N, 4, 4) of the same body frame at the same N instants.
+
+    Geiger, Lenz, Urtasun, CVPR 2012, as its odometry development kit computes it. For first frame i (every 10th) and
+    each length L, j is the first frame more than L metres of the reference's path after i, and
+
+        E = inv(inv(e_i) e_j) (inv(g_i) g_j),  translation error |trans(E)| / L,  rotation error angle(E) / L,
+
+    averaged over all segments. Nothing is aligned. `LENGTHS` gives the lengths: KITTI's 100-800 m as far as they fit
+    on paths of 200 m or more, 50 m from 60 m on, 10 m from 12 m on; the result is named after them.
+    """
+    way = distances(reference)
+    lengths = next((lengths for least, lengths in LENGTHS if way[-1] >= least), ())
+    first, last, length = _segments(way, lengths)
+    if len(first) == 0:
+        reason = f"the reference's path of {way[-1]:.1f} m is shorter than {LENGTHS[-1][0]:g} m"
+        return Drift(None, None, (), 0, "no segment fits", None, reason)
+    delta_e = se3.inverse(estimate[first]) @ estimate[last]
+    delta_g = se3.inverse(reference[first]) @ reference[last]
+    used = tuple(sorted(set(length.tolist())))
+    translation, rotation = _mean_errors(delta_e, delta_g, length)
+    return Drift(translation, rotation, used, len(first), _name(used), _without_rotation(delta_e, delta_g, length))
+
+
+def _segments(way: Array, lengths: tuple[float, ...]) -> tuple[Array, Array, Array]:
+    """First frame, last frame and length [m] of each segment; the devkit's "first frame farther than", strictly."""
+    starts = np.arange(0, len(way), STEP)
+    first = np.tile(starts, len(lengths))
+    length = np.repeat(np.array(lengths), len(starts))
+    last = np.searchsorted(way, way[first] + length, side="right")
+    fits = last < len(way)
+    return first[fits], last[fits], length[fits]
+
+
+def _name(lengths: tuple[float, ...]) -> str:
+    if lengths[0] < 100:
+        return f"short drive, {lengths[0]:g} m"
+    return "KITTI " + "-".join(f"{value:g}" for value in dict.fromkeys((lengths[0], lengths[-1]))) + " m"
+
+
+def _mean_errors(delta_e: Array, delta_g: Array, length: Array) -> tuple[float, float]:
+    """Mean translation error [%] and rotation error [deg/100 m] of segments (K, 4, 4) of `length` (K,) metres."""
+    E = se3.inverse(delta_e) @ delta_g
+    translation = np.linalg.norm(E[:, :3, 3], axis=1) / length
+    rotation = np.degrees(se3.angle(E)) / length
+    return float(100 * translation.mean()), float(100 * rotation.mean())
+
+
+def _without_rotation(delta_e: Array, delta_g: Array, length: Array) -> BodyRotationRemoved:
+    """The errors of e' = e X. Since |trans(E')| = |X trans(delta_g) - trans(delta_e)|, X is a Kabsch problem."""
+    X = np.eye(4)
+    X[:3, :3] = best_rotation(delta_g[:, :3, 3] / length[:, None], delta_e[:, :3, 3] / length[:, None])
+    translation, rotation = _mean_errors(se3.inverse(X) @ delta_e @ X, delta_g, length)
+    return BodyRotationRemoved(translation, rotation, float(np.degrees(se3.angle(X))))
+
+
+def best_rotation(a: Array, b: Array) -> Array:
+    """The rotation X (3, 3) that minimises sum |X a_k - b_k|^2 over vectors (K, 3).
+
+    What the vectors do not show stays unrotated: on a straight drive the roll about the direction of travel is noise,
+    so singular values under `OBSERVABLE` of the largest are dropped and the smallest such rotation is taken.
+    """
+    U, values, Vt = np.linalg.svd(b.T @ a)
+    values = np.where(values < OBSERVABLE * values[0], 0.0, values)
+    return nearest_rotation(U @ np.diag(values) @ Vt + 1e-9 * max(float(values[0]), 1e-12) * np.eye(3))

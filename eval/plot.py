@@ -1,0 +1,139 @@
+"""The picture of a trajectory: from above, over ground truth, with the error along the way."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eval.alignment import alignment_transform
+from eval.body_frame import body_frame
+from eval.evaluation import pair_up
+from eval.trajectory import distances
+from slam.data.cloud import Array
+from slam.data.pose_files import read_poses
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Okabe and Ito's palette, told apart by colour-blind readers; ground truth is a broad band under the line.
+ESTIMATE, TRUTH, ERROR, INK, GRID = "#0072B2", "#B8B8B8", "#D55E00", "#222222", "#E8E8E8"
+
+#: Figure [inches]: width, height of the error panel with its labels, what title and axis labels take of the map.
+WIDTH, ERROR_HEIGHT, MAP_FRAME = 8.0, 1.9, 1.3
+
+#: The map's height is this share of its width at least and at most, and its width at least so many metres [m].
+MIN_ASPECT, MAX_ASPECT, MIN_SPAN = 0.3, 0.95, 4.0
+
+
+def plot_trajectory(
+    path_png: Path,
+    estimate: Array,
+    reference: Array | None,
+    title: str,
+    stamps: Array | None = None,
+    reference_stamps: Array | None = None,
+) -> None:
+    """Draw poses (N, 4, 4) from above over the reference's (M, 4, 4), and the position error over the way [m].
+
+    The estimate is laid over the reference by SE(3) Umeyama; stamps [s] pair the poses as in `evaluate`. Without a
+    reference only the estimate is drawn, as it stands. Camera-0 trajectories are drawn in x and z, others in x and y.
+    The file appears under its name only when whole. Raises InputError where the two cannot be paired.
+    """
+    from matplotlib.figure import Figure
+
+    error = None
+    if reference is not None:
+        e, g = pair_up(estimate, reference, stamps, reference_stamps)
+        T, _ = alignment_transform(e, g, "aligned")
+        estimate = T @ estimate
+        error = np.linalg.norm((T @ e)[:, :3, 3] - g[:, :3, 3], axis=1)
+    axes = (0, 2) if body_frame(estimate) == "camera" else (0, 1)
+    estimate_xy = estimate[:, axes, 3]
+    reference_xy = None if reference is None else reference[:, axes, 3]
+    center, span = _window(estimate_xy if reference_xy is None else np.concatenate([estimate_xy, reference_xy]))
+
+    map_height = (WIDTH - MAP_FRAME) * span[1] / span[0] + MAP_FRAME
+    figure = Figure(figsize=(WIDTH, map_height + (ERROR_HEIGHT if error is not None else 0)), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.12, h_pad=0.12)  # type: ignore[union-attr, call-arg]
+    if error is None:
+        top = figure.subplots()
+    else:
+        top, bottom = figure.subplots(2, 1, height_ratios=[map_height, ERROR_HEIGHT])
+        _draw_error(bottom, distances(g), error)
+    _draw_map(top, estimate_xy, reference_xy, error)
+    top.set_xlim(center[0] - span[0] / 2, center[0] + span[0] / 2)
+    top.set_ylim(center[1] - span[1] / 2, center[1] + span[1] / 2)
+    top.set_xlabel(f"{'xyz'[axes[0]]} [m]")
+    top.set_ylabel(f"{'xyz'[axes[1]]} [m]")
+    top.set_title(title, loc="left", color=INK, fontsize=13, fontweight="bold", pad=32)
+    _save(figure, path_png)
+
+
+def plot_run(folder: Path, title: str | None = None) -> Path:
+    """Draw trajectory_tum.txt of a run folder, over ground_truth_tum.txt where there is one, into trajectory.png."""
+    stamps, estimate = read_poses(folder / "trajectory_tum.txt")
+    truth_file = folder / "ground_truth_tum.txt"
+    truth_stamps, truth = read_poses(truth_file) if truth_file.is_file() else (None, None)
+    picture = folder / "trajectory.png"
+    plot_trajectory(picture, estimate, truth, title or folder.resolve().name, stamps, truth_stamps)
+    return picture
+
+
+def _window(xy: Array) -> tuple[Array, Array]:
+    """Centre (2,) and extent (2,) [m] of a map around points (N, 2): a margin, no sliver, never of size zero."""
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    width, height = 1.12 * (high - low)
+    width = max(width, height / MAX_ASPECT, MIN_SPAN)
+    height = max(height, width * MIN_ASPECT)
+    return (low + high) / 2, np.array([width, height])
+
+
+def _draw_map(axes: Axes, estimate: Array, reference: Array | None, error: Array | None) -> None:
+    if reference is not None:
+        axes.plot(*reference.T, color=TRUTH, linewidth=5.5, solid_capstyle="round", label="ground truth")
+    label = "estimate"
+    if error is not None:
+        label += f", aligned by SE(3) Umeyama (ATE {_metres(float(np.sqrt((error**2).mean())))} rmse)"
+    axes.plot(*estimate.T, color=ESTIMATE, linewidth=1.8, label=label)
+    start = estimate[0]
+    axes.plot(*start, "o", markersize=8, color="white", markeredgecolor=INK, markeredgewidth=1.6, zorder=4)
+    behind = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+    axes.annotate("start", start, xytext=(8, 8), textcoords="offset points", color=INK, fontsize=10, bbox=behind)
+    axes.set_aspect("equal")
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=2, frameon=False, fontsize=10, borderaxespad=0.2)
+    _tidy(axes)
+
+
+def _draw_error(axes: Axes, way: Array, error: Array) -> None:
+    """Over the way driven, or over the frames where the vehicle stood; in centimetres where that reads better."""
+    stood = way[-1] < MIN_SPAN
+    along, label = (np.arange(len(way)), "frame") if stood else (way, "distance driven [m]")
+    factor, unit = (1.0, "m") if error.max() >= 1 else (100.0, "cm")
+    axes.fill_between(along, factor * error, color=ERROR, alpha=0.15, linewidth=0)
+    axes.plot(along, factor * error, color=ERROR, linewidth=1.5)
+    axes.set_xlim(0, along[-1])
+    axes.set_ylim(0, max(1.1 * factor * float(error.max()), 1e-2))
+    axes.set_xlabel(label)
+    axes.set_ylabel(f"error [{unit}]")
+    _tidy(axes)
+
+
+def _tidy(axes: Axes) -> None:
+    axes.grid(color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=INK, length=0, labelsize=10)
+    axes.spines[:].set_visible(False)
+
+
+def _metres(value: float) -> str:
+    return f"{100 * value:.1f} cm" if value < 1 else f"{value:.2f} m"
+
+
+def _save(figure: Any, path: Path) -> None:
+    """Beside, then renamed. A Figure without pyplot draws with Agg: no display, no global state."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    figure.savefig(beside, format="png", dpi=150, facecolor="white")
+    beside.replace(path)

@@ -1,0 +1,80 @@
+"""Which laser a point came from, and what fewer lasers would have seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from slam.data import kernels
+from slam.data.cloud import Array
+from slam.data.problem import Problem, spans
+from slam.data.sensor import Sensor
+
+#: What a change of ring without a wraparound costs, in badly fitting points: an eighth of a full ring.
+SWITCH_COST = 250.0
+#: Above this mean misfit to the laser lines (0..1; unrelated points give about 0.5) the points are another sensor's.
+MISFIT_LIMIT = 0.35
+
+
+def recover_rings(xyz: Array) -> tuple[Array, int]:
+    """Rings (N,) int16 of a scan stored ring after ring, and their number, by azimuth wraparound.
+
+    KITTI's velodyne files are in this order: top ring first, each counter-clockwise from +x (forward). A new ring
+    starts where the azimuth mod 2 pi falls by more than pi.
+    """
+    if len(xyz) == 0:
+        return np.zeros(0, np.int16), 0
+    ring = kernels.count_up(kernels.wraps(xyz))
+    return ring, int(ring[-1]) + 1
+
+
+def rings_in_file_order(xyz: Array, sensor: Sensor, path: Path) -> tuple[Array | None, tuple[Problem, ...]]:
+    """Rings 0..R-1 of the sensor (N,) int16 of a scan stored ring after ring, top first, and what was wrong with it
+    (`path` names the scan there).
+
+    Where the wraparound does not give R rings, each point takes the ring of a laser line: rings never fall along the
+    file and change at wraparounds, or elsewhere if many points ask for it (two rings without a wraparound between
+    them). None where the points do not lie on the sensor's lines at all.
+    """
+    ring, found = recover_rings(xyz)
+    if found == sensor.ring_count or found == 0:
+        return ring, ()
+    tangent = np.tan(sensor.elevation)
+    spacing = np.abs(np.gradient(tangent)) if sensor.ring_count > 1 else np.ones(1)
+    weight = _ahead(xyz) if sensor.motion_compensated else np.ones(len(xyz), np.float32)
+    wraps = kernels.wraps(xyz)
+    ring, misfit = kernels.cheapest_lines(xyz, weight, wraps, tangent, sensor.offset, spacing, SWITCH_COST)
+    count = f"{path}: {found} rings where the sensor {sensor.name} has {sensor.ring_count}"
+    if misfit > MISFIT_LIMIT:
+        remedy = "rings left out; name the right sensor"
+        return None, (Problem("ring count", f"{count}, and the points do not lie on its laser lines: {remedy}"),)
+    present = np.bincount(ring, minlength=sensor.ring_count) > 0
+    missing = "" if present.all() else f"; no points of ring {spans(_runs(np.flatnonzero(~present)))}"
+    return ring, (Problem("ring count", f"{count}: taken from the laser lines instead{missing}"),)
+
+
+def _ahead(xyz: Array) -> Array:
+    """(N,) weights: about the 20 degrees ahead, seen at mid-sweep, where motion compensation moved no point off its
+    laser's line; behind, it moves them by up to half a sweep's motion."""
+    cosine = xyz[:, 0] / np.maximum(np.hypot(xyz[:, 0], xyz[:, 1]), np.float32(1e-3))
+    return np.clip(cosine, 0, 1) ** 16
+
+
+def nearest_rings(xyz: Array, sensor: Sensor) -> Array:
+    """(N,) int16: the ring whose laser line passes nearest to each point, for scans in any order."""
+    return np.asarray(kernels.nearest_lines(xyz, np.tan(sensor.elevation), sensor.offset))
+
+
+def sweep_fraction(xyz: Array) -> Array:
+    """When in the sweep each point was seen, (N,) float32 in 0..1, for KITTI's raw scans.
+
+    The sensor turns from the rear over the left and the front (1/2, where the scan's time stamp belongs) to the right.
+    """
+    return np.asarray(kernels.sweep_fractions(xyz))
+
+
+def _runs(numbers: Array) -> list[tuple[int, int]]:
+    """Rising whole numbers (N,), N > 0, as their unbroken runs."""
+    parts = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    return [(int(part[0]), int(part[-1])) for part in parts]

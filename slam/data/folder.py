@@ -1,0 +1,205 @@
+"""A folder of scans of a user's own, with whatever lies beside them."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from slam.data import se3
+from slam.data.beams import nearest_rings, recover_rings
+from slam.data.calibration_file import read_calibration
+from slam.data.cloud import Array, Calibration, Frame, PointCloud
+from slam.data.errors import InputError
+from slam.data.files import (
+    IMAGE_SUFFIXES,
+    SCAN_PERIOD,
+    gaps,
+    image_reader,
+    missing_image,
+    natural_key,
+    read_numbers,
+    rows_by_number,
+)
+from slam.data.kitti_odometry import from_first
+from slam.data.point_files import SUFFIXES, Points, read_points
+from slam.data.pose_files import read_poses
+from slam.data.problem import Problem
+from slam.data.sensor import Sensor, sensor_of_folder
+
+
+class UserFolder:
+    """Scans (.bin of float32 x y z intensity, .pcd, .ply, .npy) in the folder or its scans/, velodyne/ or points/.
+
+    Optional beside them: `times.txt` or `timestamps.txt` (seconds, one a line), `images/` or `image_2/` (matched by
+    their own times.txt, else by name), `calib.yaml` (see `read_calibration`), `poses.txt` (KITTI or TUM, of the
+    LiDAR), `sensor.yaml` (see `load_sensor`). Rings come from the file's field, else from the sensor's laser lines.
+    See `Dataset` for the fields. Raises InputError where a file holds something else than it should.
+    """
+
+    def __init__(self, path: Path, sensor: str | Path | None = None) -> None:
+        self.path = path
+        self.name = path.resolve().name
+        self._files = scans_in(path)
+        kinds = sorted({file.suffix.lower() for file in self._files})
+        if len(kinds) != 1:
+            fault = f"scans of several kinds ({', '.join(kinds)}); keep one" if kinds else "no scans in it"
+            raise InputError(f"{path}: {fault}; {', '.join(SUFFIXES)} files are read")
+        self.sensor = sensor_of_folder(path, sensor)
+        self.numbers = numbers_of(self._files)
+        step = max(int(np.median(np.diff(self.numbers))), 1) if len(self) > 1 else 1
+        self.stamps, slow = self._read_stamps(step)
+        self.calibration, uncalibrated = self._read_calibration()
+        self._image_folder, self._images = self._match_images(known_times=not slow)
+        self.ground_truth, untrue = self._read_ground_truth(known_times=not slow)
+        self.problems = (*gaps(self.numbers, self._files[0].parent, step), *slow, *uncalibrated, *untrue)
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    def __getitem__(self, position: int) -> Frame:
+        number = int(self.numbers[position])
+        points = read_points(self._files[position])
+        problems = points.problems
+        if self._image_folder is not None:
+            problems += missing_image(self._images[position], number, self._image_folder)
+        return Frame(
+            index=number,
+            stamp=float(self.stamps[position]),
+            cloud=to_cloud(points, self.sensor, self._files[position]),
+            calibration=self.calibration,
+            read_image=image_reader(self._images[position]),
+            problems=problems,
+        )
+
+    def _read_stamps(self, step: int) -> tuple[Array, tuple[Problem, ...]]:
+        places = [folder / name for folder in (self.path, self._files[0].parent) for name in TIME_FILES]
+        path = next((place for place in places if place.is_file()), None)
+        if path is not None:
+            return read_times(path, self.numbers), ()
+        counted = self.numbers - self.numbers[0] if step == 1 else np.arange(len(self))
+        text = f"{self.path}: no times.txt; {1 / SCAN_PERIOD:g} scans a second assumed"
+        return counted * SCAN_PERIOD, (Problem("no time stamps", text),)
+
+    def _read_calibration(self) -> tuple[Calibration | None, tuple[Problem, ...]]:
+        if (self.path / "calib.yaml").is_file():
+            return read_calibration(self.path / "calib.yaml"), ()
+        if any((self.path / name).is_dir() for name in IMAGE_FOLDERS):
+            text = f"{self.path}: images, but no calib.yaml (K, T_camera_lidar); the camera is not used"
+            return None, (Problem("no calibration", text),)
+        return None, ()
+
+    def _match_images(self, known_times: bool) -> tuple[Path | None, list[Path | None]]:
+        """The image folder, and for each scan its image: the nearest within half a scan's period, or its namesake."""
+        folder = next((self.path / name for name in IMAGE_FOLDERS if (self.path / name).is_dir()), None)
+        if folder is None:
+            return None, [None] * len(self)
+        files = sorted((path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES), key=natural_key)
+        times = folder / "times.txt"
+        if files and times.is_file() and known_times:
+            stamps = read_times(times, numbers_of(files))
+            nearest = np.abs(stamps[:, None] - self.stamps).argmin(axis=0)
+            period = float(np.median(np.diff(self.stamps))) if len(self) > 1 else SCAN_PERIOD
+            near = np.abs(stamps[nearest] - self.stamps) <= period / 2
+            return folder, [files[at] if close else None for at, close in zip(nearest, near, strict=True)]
+        by_name = {path.stem: path for path in files}
+        return folder, [by_name.get(file.stem) for file in self._files]
+
+    def _read_ground_truth(self, known_times: bool) -> tuple[Array | None, tuple[Problem, ...]]:
+        path = self.path / "poses.txt"
+        if not path.is_file():
+            return None, ()
+        stamps, poses = read_poses(path)
+        truth = np.full((len(self), 4, 4), np.nan)
+        if stamps is not None and known_times:
+            if len(stamps) < 2 or (np.diff(stamps) <= 0).any():
+                raise InputError(f"{path}: the stamps of at least two poses, rising, are needed")
+            inside = (self.stamps >= stamps[0]) & (self.stamps <= stamps[-1])
+            truth[inside] = se3.interpolate(stamps, poses, self.stamps[inside])
+        elif len(poses) > self.numbers[-1] and len(poses) != len(self):
+            truth = poses[self.numbers]
+        else:
+            truth[: len(poses)] = poses[: len(self)]
+        lost = int(np.isnan(truth[:, 0, 0]).sum())
+        text = f"{path}: {len(poses)} poses for {len(self)} scans; {lost} scans are without truth"
+        return from_first(truth), (Problem("poses shorter than scans", text),) if lost else ()
+
+
+SCAN_FOLDERS = ("scans", "velodyne", "points", ".")
+IMAGE_FOLDERS = ("images", "image_2")
+TIME_FILES = ("times.txt", "timestamps.txt")
+
+
+def scans_in(path: Path) -> list[Path]:
+    """The scan files of a folder, in the order of the numbers in their names; empty where there are none."""
+    for folder in (path / name for name in SCAN_FOLDERS):
+        if folder.is_dir():
+            files = [file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES]
+            if files:
+                return sorted(files, key=natural_key)
+    return []
+
+
+def numbers_of(files: list[Path]) -> Array:
+    """(N,) int64: the last number in each name where these rise, else 0, 1, ..."""
+    found = [[text for text, _ in natural_key(Path(file.stem)) if text >= 0] for file in files]
+    numbers = [digits[-1] for digits in found if digits]
+    rising = all(before < after for before, after in pairwise(numbers))
+    if len(numbers) == len(files) and rising and numbers[-1] < 2**63:
+        return np.array(numbers, np.int64)
+    return np.arange(len(files))
+
+
+def read_times(path: Path, numbers: Array) -> Array:
+    """Stamps (N,) [s] of the files `numbers` (N,). Raises InputError where they do not rise or are not seconds."""
+    times = rows_by_number(read_numbers(path), numbers, path)
+    steps = np.diff(times)
+    if not (np.isfinite(times).all() and (steps > 0).all()):
+        raise InputError(f"{path}: times must rise from line to line; repair line {int(np.argmin(steps > 0)) + 2}")
+    if len(steps) and np.median(steps) > 100:
+        raise InputError(f"{path}: {np.median(steps):g} s from scan to scan; give seconds, not milli- or nanoseconds")
+    return times
+
+
+def to_cloud(points: Points, sensor: Sensor | None, path: Path) -> PointCloud:
+    """Points as a file has them in our units: intensity 0..1, ring 0 on top, time as a fraction of the sweep."""
+    found = points.intensity if points.intensity is not None else np.zeros(len(points.xyz))
+    intensity = np.nan_to_num(found.astype(np.float64))
+    if len(intensity) and intensity.max() > 1:  # Velodyne and most others: 0..255
+        intensity = np.clip(intensity / 255, 0, 1)
+    time = points.time
+    if time is not None and len(time):
+        time = (time - time.min()).astype(np.float64)
+        time = time / time.max() if 0 < time.max() < np.inf else None
+    if sensor is not None and sensor.motion_compensated:
+        time = None
+    return PointCloud(points.xyz, intensity, _rings(points, sensor, path), time)
+
+
+def _rings(points: Points, sensor: Sensor | None, path: Path) -> Array | None:
+    if len(points.xyz) == 0 or (points.ring is None and sensor is None):
+        return None
+    if points.ring is None:
+        assert sensor is not None
+        return rings_by_lines(points.xyz, sensor)
+    ring = points.ring.astype(np.int64)
+    highest = int(ring.max())
+    if int(ring.min()) < 0 or highest >= (sensor.ring_count if sensor else 1024):
+        limit = f"the sensor {sensor.name} has {sensor.ring_count}" if sensor else "0 to 1023 make sense"
+        raise InputError(f"{path}: rings {int(ring.min())} to {highest}, but {limit}; name the right one with --sensor")
+    # Velodyne's drivers count from the bottom. Without a sensor the next power of two stands for its rings, since the
+    # uppermost ones often see nothing but sky.
+    count = sensor.ring_count if sensor else max(16, 1 << highest.bit_length())
+    slope = points.xyz[:, 2] / np.maximum(np.hypot(points.xyz[:, 0], points.xyz[:, 1]), 1e-3)
+    upwards = np.mean((ring - ring.mean()) * (slope - slope.mean())) > 0
+    return count - 1 - ring if upwards else ring
+
+
+def rings_by_lines(xyz: Array, sensor: Sensor) -> Array:
+    """(N,): the nearest laser line's ring; by wraparound where the file is stored ring after ring, as KITTI's are,
+    which holds for motion-compensated points too."""
+    lines = nearest_rings(xyz, sensor)
+    ring, found = recover_rings(xyz)
+    in_order = found == sensor.ring_count and np.mean(np.abs(ring - lines) <= 1) > 0.5
+    return ring if in_order else lines

@@ -1,0 +1,110 @@
+"""Scans of a user's own: .bin, .npy, .pcd and .ply files as columns of numbers, in whatever units they have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slam.data.cloud import Array
+from slam.data.errors import InputError
+from slam.data.files import read_bin, sound_points
+from slam.data.problem import Problem
+
+SUFFIXES = (".bin", ".pcd", ".ply", ".npy")
+#: What drivers call the same thing (Velodyne, Ouster, Hesai, Livox, RoboSense, CloudCompare), in lower case.
+NAMES = {
+    "intensity": ("intensity", "i", "reflectivity", "reflectance", "remission", "scalar_intensity"),
+    "ring": ("ring", "laser_id", "laser", "channel", "line", "scalar_ring"),
+    "time": ("time", "t", "timestamp", "time_offset", "offset_time", "time_stamp", "scalar_time"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """N points: xyz (N, 3) float32 metres; intensity, ring and time (N,) as the file has them, or None."""
+
+    xyz: Array
+    intensity: Array | None = None
+    ring: Array | None = None
+    time: Array | None = None
+    problems: tuple[Problem, ...] = ()
+
+
+def read_points(path: Path) -> Points:
+    """The sound points of a scan; what is damaged is left out and reported.
+
+    Points at the origin are left out silently: drivers write them where a laser got no answer. Raises InputError
+    where the file holds something else than points.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".bin":
+        xyz, intensity, problems = read_bin(path)
+        points = Points(xyz, intensity, problems=problems)
+    else:
+        points = _from_npy(path) if suffix == ".npy" else _from_open3d(path)
+    sound, found = sound_points(path, points.xyz)
+    kept = sound & points.xyz.any(axis=1)
+    columns = {field.name: getattr(points, field.name) for field in fields(points) if field.name != "problems"}
+    if not kept.all():
+        columns = {name: None if column is None else column[kept] for name, column in columns.items()}
+    problems = points.problems + found
+    if not kept.any() and not any(problem.kind in ("empty scan", "missing scan") for problem in problems):
+        problems += (Problem("empty scan", f"{path}: no points in it"),)
+    return Points(**columns, problems=problems)
+
+
+def _unreadable(path: Path, reason: str) -> Points:
+    problem = Problem("missing scan", f"{path}: cannot be read ({reason}); no points used")
+    return Points(np.zeros((0, 3), np.float32), problems=(problem,))
+
+
+def _from_npy(path: Path) -> Points:
+    try:
+        with path.open("rb") as file:
+            table = np.lib.format.read_array(file, allow_pickle=False)
+    except OSError as error:
+        return _unreadable(path, str(error.strerror or error))
+    except ValueError as error:
+        if "allow_pickle" in str(error):
+            text = f"{path}: holds Python objects, which are not read; save a plain array: np.save(file, points)"
+            raise InputError(text) from error
+        return _unreadable(path, "damaged, or not an .npy file")
+    if table.dtype.names:
+        columns = {name.lower(): table[name].ravel() for name in table.dtype.names}
+        if not {"x", "y", "z"} <= set(columns):
+            raise InputError(f"{path}: fields x, y and z are needed; it has {', '.join(columns)}")
+        return _from_columns(np.column_stack([columns[axis] for axis in "xyz"]), columns)
+    if table.ndim != 2 or table.shape[1] not in (3, 4) or table.dtype.kind not in "fiu":
+        raise InputError(f"{path}: {table.dtype} of shape {table.shape}; numbers of shape N x 3 or N x 4 are expected")
+    return _from_columns(table[:, :3], {"intensity": table[:, 3]} if table.shape[1] == 4 else {})
+
+
+def _from_open3d(path: Path) -> Points:
+    if not path.is_file() or path.stat().st_size == 0:
+        return _unreadable(path, "no such file" if not path.exists() else "nothing in it")
+    import open3d  # takes a second to import, so only those who need it pay
+
+    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+        try:
+            cloud = open3d.t.io.read_point_cloud(path)
+        except RuntimeError:  # its message is for programmers
+            cloud = None
+    if cloud is None or "positions" not in cloud.point:
+        return _unreadable(path, f"damaged, or not a {path.suffix} file with points")
+    columns = {name.lower(): cloud.point[name].numpy() for name in cloud.point if name != "positions"}
+    single = {name: column[:, 0] for name, column in columns.items() if column.ndim == 2 and column.shape[1] == 1}
+    return _from_columns(cloud.point["positions"].numpy(), single)
+
+
+def _from_columns(xyz: Array, columns: Mapping[str, Array]) -> Points:
+    with np.errstate(over="ignore"):  # what float32 cannot hold becomes infinite, and is counted as such
+        xyz = np.ascontiguousarray(xyz, np.float32)
+    known: dict[str, Any] = {}
+    for field, names in NAMES.items():
+        found = [name for name in names if name in columns]
+        known[field] = columns[found[0]] if found else None
+    return Points(xyz, **known)

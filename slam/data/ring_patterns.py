@@ -1,0 +1,83 @@
+"""Fewer lasers out of many: the input of a 16-channel LiDAR, made from a 64-channel one's scan."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slam.data.cloud import Array, PointCloud
+from slam.data.errors import InputError
+from slam.data.sensor import Sensor, load_sensor
+from slam.data.yaml_files import nearest
+
+#: The HDL-64E's rings next to the nine VLP-16 beams that lie in its field of view.
+VLP16_RINGS = (5, 11, 17, 23, 29, 34, 38, 42, 46)
+#: Azimuth columns of the HDL-64E: 0.18 degrees each.
+COLUMNS = 2000
+PATTERNS = ("every-4th", "vlp16", "average-pool")
+
+
+def drop_rings(
+    cloud: PointCloud, pattern: str = "every-4th", phase: int = 0, sensor: Sensor | None = None
+) -> PointCloud:
+    """The cloud that a sensor with a quarter of the rings would have seen.
+
+    every-4th     rings phase, phase + 4, ... (phase 0..3) as measured, with the ring ids they had
+    vlp16         the nine rings next to a VLP-16's beams, as measured, with the ring ids they had
+    average-pool  rings 4g..4g+3 pooled into ring g, see `average_pool`; `sensor` gives the laser lines (HDL-64E)
+
+    Raises InputError on an unknown pattern or phase, and where the cloud has no rings.
+    """
+    if pattern not in PATTERNS:
+        raise InputError(f"unknown ring pattern '{pattern}'{nearest(pattern, PATTERNS)}")
+    if pattern == "every-4th" and phase not in range(4):
+        raise InputError(f"phase {phase} of the pattern every-4th; 0 to 3 exist")
+    if cloud.ring is None:
+        raise InputError(
+            "rings cannot be dropped, for nobody knows which laser the points came from; "
+            "name the LiDAR: --sensor hdl64, --sensor vlp16 or --sensor FILE.yaml with its beams"
+        )
+    if pattern == "every-4th":
+        return cloud.select(cloud.ring % 4 == phase)
+    if pattern == "vlp16":
+        return cloud.select(np.isin(cloud.ring, VLP16_RINGS))
+    return average_pool(cloud, sensor or load_sensor("hdl64"))
+
+
+def average_pool(cloud: PointCloud, sensor: Sensor) -> PointCloud:
+    """Four neighbouring rings and one azimuth column made one point: the input of Yue et al., which no sensor gives.
+
+    In each of the 0.18 degree columns (the first begins at azimuth -pi) and for each group of rings 4g..4g+3, the
+    returns' ranges, from the lasers' own height, are averaged; empty cells count as nothing, an empty group gives no
+    point. The point lies at the column's middle azimuth on the mean of the four laser lines: mean elevation, mean
+    offset. Intensity, time and sigma are means; colour is left out. Raises InputError where the sensor has fewer
+    rings than the cloud.
+    """
+    assert cloud.ring is not None
+    if len(cloud) and int(cloud.ring.max()) >= sensor.ring_count:
+        raise InputError(f"ring {cloud.ring.max()} in a scan, but {sensor.name} has {sensor.ring_count} rings")
+    xyz = cloud.xyz.astype(np.float64)
+    azimuth = np.arctan2(xyz[:, 1], xyz[:, 0])
+    column = ((azimuth / (2 * np.pi) + 0.5) * COLUMNS).astype(np.int64) % COLUMNS
+    cell = (cloud.ring // 4).astype(np.int64) * COLUMNS + column
+    groups = -(-sensor.ring_count // 4)
+    count = np.bincount(cell, minlength=groups * COLUMNS)
+    kept = np.flatnonzero(count)
+
+    def mean(values: Array) -> Array:
+        return np.bincount(cell, values, len(count))[kept] / count[kept]
+
+    reach = mean(np.sqrt(xyz[:, 0] ** 2 + xyz[:, 1] ** 2 + (xyz[:, 2] - sensor.offset[cloud.ring]) ** 2))
+    group = kept // COLUMNS
+    starts = np.arange(0, sensor.ring_count, 4)
+    rings_in = np.diff(np.append(starts, sensor.ring_count))
+    elevation = (np.add.reduceat(sensor.elevation, starts) / rings_in)[group]
+    offset = (np.add.reduceat(sensor.offset, starts) / rings_in)[group]
+    azimuth = ((kept % COLUMNS + 0.5) / COLUMNS - 0.5) * 2 * np.pi
+    rho = reach * np.cos(elevation)
+    return PointCloud(
+        xyz=np.column_stack([rho * np.cos(azimuth), rho * np.sin(azimuth), reach * np.sin(elevation) + offset]),
+        intensity=mean(cloud.intensity),
+        ring=group,
+        time=None if cloud.time is None else mean(cloud.time),
+        sigma=mean(cloud.sigma),
+    )

@@ -1,0 +1,51 @@
+"""Small YAML files that a user writes, parsed without executing anything, and faults in them said in one line."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from slam.data.cloud import Array
+from slam.data.errors import InputError
+
+
+def read_mapping(path: Path, known: Iterable[str]) -> dict[str, Any]:
+    """The keys and values of a YAML file. Raises InputError where it is no mapping or holds a key not `known`."""
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not YAML ({' '.join(str(error).split())})") from error
+    known = sorted(known)
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: lines like 'key: value' are expected, with the keys {', '.join(known)}")
+    for key in content:
+        if key not in known:
+            raise InputError(f"{path}: unknown key '{key}'{nearest(str(key), known)}")
+    return content
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The end of an error message on an unknown word: the known word nearest to it, or all of them."""
+    known = list(known)
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}"
+
+
+def numbers(path: Path, key: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """A list of numbers as float64 array; -1 in `shape` stands for any length. Raises InputError on anything else."""
+    expected = " x ".join("n" if size == -1 else str(size) for size in shape)
+    try:
+        array = np.array(value, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path}: '{key}' must be {expected} numbers") from error
+    fits = array.ndim == len(shape) and all(want in (-1, got) for want, got in zip(shape, array.shape, strict=True))
+    if not fits or not np.isfinite(array).all():
+        raise InputError(f"{path}: '{key}' must be {expected} finite numbers, not of shape {array.shape}")
+    return array

@@ -1,0 +1,31 @@
+"""What of a recorded scan is registered: all of its rings, or sixteen of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from slam.config import FrontEndSettings
+from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.ring_patterns import drop_rings
+
+#: Past clouds, newest last, each with T_now_then (4, 4): its sensor's frame in the present one, as predicted.
+History = Sequence[tuple[PointCloud, Array]]
+
+
+class FrontEnd(Protocol):
+    """Makes the cloud that is registered, in the sensor's own geometry: before deskewing and vertical correction."""
+
+    def __call__(self, frame: Frame, history: History) -> PointCloud: ...
+
+
+class RingFrontEnd:
+    """The scan as recorded (input 64), or with the rings dropped that a 16-channel sensor would not have (16)."""
+
+    def __init__(self, settings: FrontEndSettings) -> None:
+        self.settings = settings
+
+    def __call__(self, frame: Frame, history: History) -> PointCloud:
+        if self.settings.input == "64":
+            return frame.cloud
+        return drop_rings(frame.cloud, self.settings.drop, self.settings.phase)

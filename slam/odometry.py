@@ -1,0 +1,185 @@
+"""Where the sensor is, scan by scan: deskew, thin, predict, register, judge, remember."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from slam.config import OdometrySettings
+from slam.data import se3
+from slam.data.cloud import MEASURED_SIGMA, Array, PointCloud
+from slam.data.distortion import correct_vertical, deskew
+from slam.registration.icp import IcpTarget
+from slam.registration.ndt import NdtTarget
+from slam.registration.result import RegistrationResult
+from slam.registration.voxels import VoxelFilter
+
+MIN_POINTS = 50  # a thinned scan with fewer is not registered: an empty or all but empty file
+GAP = 3.0  # so many times the usual interval between scans is a gap: the prediction is searched around
+EVICT_EVERY = 5.0  # m of way between two clean-ups of the map
+LOST_AFTER = 5  # so many failures in a row, and the map starts anew where the sensor is thought to be
+SEARCH_STEP = 0.5  # m, below the reach of a coarse cell
+FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m a frame: what a motion kept from the prediction is worth
+
+
+class Target(Protocol):
+    """What scans are registered against: NdtTarget or IcpTarget."""
+
+    def __len__(self) -> int: ...
+    def clear(self) -> None: ...
+    def insert(self, xyz: Array, weight: Array, pose: Array) -> None: ...
+    def evict(self, centre: Array, radius: float) -> None: ...
+    def score(self, xyz: Array, weight: Array, pose: Array) -> float: ...
+    def align(self, xyz: Array, weight: Array, guess: Array) -> RegistrationResult: ...
+
+
+@dataclass(frozen=True, eq=False)
+class OdometryStep:
+    """What the odometry says of one scan.
+
+    pose          (4, 4) T_world_lidar; the world is the first scan's frame
+    covariance    (6, 6) of pose @ exp(xi), xi = (rotation, translation): how well the scan fits where it was put
+    status        'registered'; 'retried': only after a search around the prediction; 'failed': the prediction was kept
+    registration  of the scan against the map, or None (first scan, too few points)
+    cloud         the scan as registered: deskewed, vertically corrected, in the sensor's frame
+    """
+
+    pose: Array
+    covariance: Array
+    status: Literal["registered", "retried", "failed"]
+    registration: RegistrationResult | None
+    cloud: PointCloud
+
+
+class Odometry:
+    """Registers scans one after the other against a local map (or the scan before), from constant velocity."""
+
+    def __init__(self, settings: OdometrySettings, *, vertical_correction: float = 0.0) -> None:
+        self.settings, self.vertical_correction = settings, vertical_correction
+        self.target = _target(settings)
+        self._thin = VoxelFilter(settings.map_voxel_size, settings.min_range, settings.max_range)
+        self._thin_more = VoxelFilter(settings.voxel_size)
+        self._pose, self._velocity = np.eye(4), np.zeros(6)
+        self._stamp = self._interval = 0.0
+        self._registered = self._failures = 0
+        self._squared_jumps: list[float] = []
+        self._evicted_at = np.zeros(3)
+
+    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
+        """Pose of the next scan: points as recorded, taken at `stamp` [s]."""
+        prediction, elapsed = self.predict(stamp), self._elapsed(stamp)
+        scan = correct_vertical(deskew(cloud, se3.exp(self._velocity)), self.vertical_correction)
+        map_points = self._thin(scan.xyz, _weights(scan))
+        points = self._thin_more(*map_points)
+
+        if len(points[0]) < MIN_POINTS:
+            step = self._kept(prediction, scan)
+        elif len(self.target) == 0:
+            step = OdometryStep(prediction, 1e-12 * np.eye(6), "registered", None, scan)
+        else:
+            step = self._registered_step(points, prediction, scan, elapsed)
+
+        self._follow(step, elapsed, stamp)
+        self._remember(step, map_points)
+        return step
+
+    def predict(self, stamp: float) -> Array:
+        """Pose (4, 4) at `stamp` if the velocity stays as it was between the last two scans."""
+        return self._pose @ se3.exp(self._velocity * self._elapsed(stamp))
+
+    def _elapsed(self, stamp: float) -> float:
+        """Time since the last scan in usual intervals: 1 where none is missing or the stamps make no sense."""
+        interval = stamp - self._stamp
+        return interval / self._interval if self._interval > 0 and interval > 0 else 1.0
+
+    def _registered_step(self, points: Points, prediction: Array, scan: PointCloud, elapsed: float) -> OdometryStep:
+        status: Literal["registered", "retried"] = "registered"
+        searching = self._registered < 2 or elapsed > GAP
+        found = self._search(points, prediction) if searching else self.target.align(*points, prediction)
+        if not searching and not (self._sound(found) and self._jump(prediction, found.pose) < self._gate()):
+            status, again = "retried", self._search(points, prediction)
+            found = again if again.score > found.score else found
+        if not self._sound(found):
+            return self._kept(prediction, scan, found)
+        return OdometryStep(found.pose, found.covariance, status, found, scan)
+
+    def _search(self, points: Points, centre: Array) -> RegistrationResult:
+        """The best of registrations started all around `centre`: the three places that fit best at the coarse level."""
+        xyz, weight = points
+        starts = [centre]
+        for radius in np.arange(SEARCH_STEP, self.settings.search_radius + 1e-9, SEARCH_STEP):
+            for heading in np.arange(8) * np.pi / 4:
+                offset = np.eye(4)
+                offset[:2, 3] = radius * np.cos(heading), radius * np.sin(heading)
+                starts.append(centre @ offset)
+        best = sorted(starts, key=lambda pose: -self.target.score(xyz, weight, pose))[:3]
+        return max((self.target.align(xyz, weight, pose) for pose in best), key=lambda found: found.score)
+
+    def _sound(self, found: RegistrationResult) -> bool:
+        """Enough of the scan fits, and it fits along every direction."""
+        worst = float(np.linalg.eigvalsh(found.covariance[3:, 3:])[-1])
+        fits = found.inlier_ratio >= self.settings.min_inlier_ratio
+        return fits and 0.0 < worst < self.settings.max_position_sigma**2
+
+    def _jump(self, prediction: Array, pose: Array) -> float:
+        """How far the registration moved a point at the end of the range away from its prediction, at most [m]."""
+        difference = se3.inverse(prediction) @ pose
+        turn = 2 * self.settings.max_range * np.sin(float(se3.angle(difference)) / 2)
+        return float(np.linalg.norm(difference[:3, 3])) + turn
+
+    def _gate(self) -> float:
+        """Three times the usual jump (the adaptive threshold of KISS-ICP, Vizzo et al. 2023, eq. 8)."""
+        usual = np.sqrt(np.mean(self._squared_jumps)) if self._squared_jumps else np.inf
+        return max(3 * float(usual), self.settings.min_gate)
+
+    def _kept(self, prediction: Array, scan: PointCloud, found: RegistrationResult | None = None) -> OdometryStep:
+        return OdometryStep(prediction, np.diag(FAILED_SIGMA**2), "failed", found, scan)
+
+    def _follow(self, step: OdometryStep, elapsed: float, stamp: float) -> None:
+        """Velocity, usual interval and usual jump after this scan."""
+        if step.status != "failed":
+            if self._registered > 1:
+                self._squared_jumps.append(self._jump(self.predict(stamp), step.pose) ** 2)
+            self._velocity = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose)) / elapsed
+            self._registered += 1
+        interval = stamp - self._stamp
+        if self._stamp and 0 < interval and elapsed < GAP:
+            self._interval = interval if self._interval == 0 else 0.9 * self._interval + 0.1 * interval
+        self._pose, self._stamp = step.pose, stamp
+
+    def _remember(self, step: OdometryStep, points: Points) -> None:
+        """Put the scan into the map, or start a new one, and forget what lies behind."""
+        self._failures = self._failures + 1 if step.status == "failed" else 0
+        lost = self._failures >= LOST_AFTER
+        if step.status == "failed" and not lost:
+            return
+        if lost or self.settings.target == "scan":
+            self.target.clear()
+            self._failures = 0
+        self.target.insert(*points, step.pose)
+        if np.linalg.norm(step.pose[:3, 3] - self._evicted_at) > EVICT_EVERY:
+            self._evicted_at = step.pose[:3, 3].copy()
+            self.target.evict(self._evicted_at, self.settings.map_radius)
+
+
+Points = tuple[Array, Array]  # xyz (N, 3) and weights (N,), float32
+
+
+def _weights(scan: PointCloud) -> Array:
+    """1 for a measured point, less for one whose range is less certain."""
+    return (np.float32(MEASURED_SIGMA) / np.maximum(scan.sigma, np.float32(MEASURED_SIGMA))) ** 2
+
+
+def _target(settings: OdometrySettings) -> Target:
+    if settings.registration == "ndt":
+        return NdtTarget(
+            settings.cell_sizes,
+            min_points=settings.min_points,
+            max_points=settings.max_points,
+            neighbours=settings.neighbours,
+            kernel=settings.kernel,
+            max_iterations=settings.max_iterations,
+        )
+    return IcpTarget(planes=settings.registration == "icp-point-to-plane", max_iterations=settings.max_iterations)

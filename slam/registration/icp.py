@@ -1,0 +1,92 @@
+"""Iterative closest points: the paper's eq. 3 (point-to-point, Besl & McKay 1992) and its point-to-plane form
+(Chen & Medioni 1992). Here as the counter-example to NDT, from scan to scan.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from slam.data.cloud import Array
+from slam.registration.gauss_newton import Linearisation, minimise, result
+from slam.registration.result import RegistrationResult
+
+GATE = 2.0  # m; pairs further apart are left out
+NOISE = 0.3  # m, spread of the distance between true pairs: half of the spacing of the points. Scales score and weights
+NORMAL_NEIGHBOURS = 10
+
+
+class IcpTarget:
+    """The points of the last scan, in a k-d tree; with their normals where planes are asked for."""
+
+    def __init__(self, *, planes: bool, max_iterations: int) -> None:
+        self.planes, self.max_iterations = planes, max_iterations
+        self.clear()
+
+    def __len__(self) -> int:
+        return len(self._points)
+
+    def clear(self) -> None:
+        self._points = np.zeros((0, 3))
+        self._tree = cKDTree(self._points)
+
+    def insert(self, xyz: Array, weight: Array, pose: Array) -> None:
+        """Points (N, 3), moved by `pose` (4, 4), instead of those before; weights are not used."""
+        del weight
+        self._points = xyz @ pose[:3, :3].T + pose[:3, 3]
+        self._tree = cKDTree(self._points)
+        if self.planes:
+            self._normals = _normals(self._points, self._tree)
+
+    def evict(self, centre: Array, radius: float) -> None:
+        """Nothing to forget: one scan is all there is."""
+
+    def score(self, xyz: Array, weight: Array, pose: Array) -> float:
+        return self._linearise(xyz, weight, pose).score
+
+    def align(self, xyz: Array, weight: Array, guess: Array) -> RegistrationResult:
+        """Pose of the points (N, 3), weights (N,), in the target from `guess` (4, 4), pairs renewed in every step."""
+        pose, steps, converged = minimise(lambda T: self._linearise(xyz, weight, T), guess, self.max_iterations)
+        return result(self._linearise(xyz, weight, pose), pose, steps, converged)
+
+    def _linearise(self, xyz: Array, weight: Array, pose: Array) -> Linearisation:
+        turned = xyz @ pose[:3, :3].T
+        distance, nearest = self._tree.query(turned + pose[:3, 3], distance_upper_bound=GATE)
+        paired = np.isfinite(distance)
+        total = max(float(weight.sum()), 1e-9)
+        if not paired.any():
+            return Linearisation(np.zeros((6, 6)), np.zeros(6), 1.0, 0.0, 0.0)
+        q, w = turned[paired], weight[paired].astype(float)
+        J, r = self._residuals(q, nearest[paired], pose)
+        m = np.einsum("ni,ni->n", r, r) / NOISE**2
+        robust = w / (1.0 + m)
+        scaled = robust / NOISE**2
+        return Linearisation(
+            H=np.einsum("n,nik,nil->kl", scaled, J, J, optimize=True),
+            gradient=np.einsum("n,nik,ni->k", scaled, J, r, optimize=True),
+            variance=float((robust * m).sum() / (r.shape[1] * robust.sum())),
+            inlier_ratio=float(w[m < 7.815].sum() / total),
+            score=float((w * np.exp(-m / 2)).sum() / total),
+        )
+
+    def _residuals(self, q: Array, nearest: Array, pose: Array) -> tuple[Array, Array]:
+        """J (M, 1 or 3, 6) and r (M, 1 or 3) of turned points q (M, 3): along the normal, or along all three axes."""
+        difference = q + pose[:3, 3] - self._points[nearest]
+        if self.planes:
+            normal = self._normals[nearest]
+            J = np.concatenate([np.cross(q, normal), normal], axis=1)[:, None, :]
+            return J, np.einsum("ni,ni->n", difference, normal)[:, None]
+        J = np.zeros((len(q), 3, 6))
+        J[:, 0, 1], J[:, 0, 2] = q[:, 2], -q[:, 1]
+        J[:, 1, 0], J[:, 1, 2] = -q[:, 2], q[:, 0]
+        J[:, 2, 0], J[:, 2, 1] = q[:, 1], -q[:, 0]
+        J[:, :, 3:] = np.eye(3)
+        return J, difference
+
+
+def _normals(points: Array, tree: cKDTree) -> Array:
+    """Unit normal (N, 3) of each point: the direction in which its neighbours vary least."""
+    _, neighbours = tree.query(points, k=min(NORMAL_NEIGHBOURS, len(points)))
+    patch = points[neighbours.reshape(len(points), -1)]
+    patch = patch - patch.mean(axis=1, keepdims=True)
+    return np.linalg.eigh(np.einsum("nki,nkj->nij", patch, patch))[1][:, :, 0]

@@ -1,0 +1,32 @@
+"""What every registration method gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slam.data.cloud import Array
+
+
+@dataclass(frozen=True, eq=False)
+class RegistrationResult:
+    """A pose and how far it can be trusted.
+
+    pose          (4, 4) T_target_source
+    H             (6, 6) Gauss-Newton Hessian at the pose, robust weights applied, for a perturbation pose @ exp(xi) with
+                  xi = (rotation [rad], translation [m]) in the source's axes, as GTSAM's Pose3 has it
+    covariance    (6, 6) of the same xi: inv(H) times the variance of the weighted residuals
+    inlier_ratio  share of the points' weight that fits the target: Mahalanobis distance squared below 7.8 (the 95 %
+                  quantile of chi^2 with 3 degrees of freedom) for NDT, within the correspondence gate for ICP
+    score         mean over the points of exp(-m / 2) with the Mahalanobis distance squared m, 0 where no cell is met
+                  (the paper's eq. 5, to be maximised, divided by the number of points); for ICP, mean squared distance
+    iterations    Gauss-Newton steps taken, all levels together
+    converged     the last step was below the thresholds before the iterations ran out
+    """
+
+    pose: Array
+    H: Array
+    covariance: Array
+    inlier_ratio: float
+    score: float
+    iterations: int
+    converged: bool

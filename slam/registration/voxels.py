@@ -1,0 +1,85 @@
+"""Space cut into cubic cells: thinning a cloud, and a bounded map with one Gaussian a cell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slam.data.cloud import Array
+from slam.registration import kernels
+
+
+def _table(entries: int) -> tuple[Array, Array]:
+    """An empty hash table, at most half full with so many entries."""
+    size = 1 << max(10, (2 * entries - 1).bit_length())
+    return np.full(size, kernels.EMPTY, np.int64), np.zeros(size, np.int32)
+
+
+class VoxelFilter:
+    """Thins clouds to one point a cell: the weighted centroid. Keeps its scratch memory from scan to scan."""
+
+    def __init__(self, size: float, min_range: float = 0.0, max_range: float = np.inf) -> None:
+        self.size, self.min_range, self.max_range = size, min_range, max_range
+        self._scratch = _table(1)
+
+    def __call__(self, xyz: Array, weight: Array) -> tuple[Array, Array, Array]:
+        """Points (N, 3) and weights (N,), float32 -> centroids (M, 3), mean weights (M,), first point of each (M,)."""
+        if len(self._scratch[0]) < 2 * len(xyz):
+            self._scratch = _table(len(xyz))
+        return kernels.downsample(xyz, weight, self.size, self.min_range, self.max_range, *self._scratch)
+
+
+class VoxelGaussians:
+    """Gaussians of the points seen in each cubic cell, hashed; grows as needed, forgets what is far away.
+
+    min_points  cells that saw fewer have no Gaussian yet
+    max_points  cells that saw so many are not changed any more (a standing car would otherwise sharpen its own noise,
+                and each scan costs time)
+    floor       share of a covariance's trace that is added to its diagonal, so that planes stay invertible
+    """
+
+    def __init__(self, size: float, min_points: int, max_points: int, floor: float = 0.003) -> None:
+        self.size, self.min_points, self.max_points, self.floor = size, min_points, max_points, floor
+        self.clear()
+
+    def __len__(self) -> int:
+        return self._count
+
+    def clear(self) -> None:
+        self._count = 0
+        self._allocate(4096)
+
+    def insert(self, xyz: Array, weight: Array, pose: Array) -> None:
+        """Add points (N, 3) float32 with weights (N,) float32, moved by `pose` (4, 4)."""
+        if self._count + len(xyz) > len(self._sums):
+            self._allocate(2 * (self._count + len(xyz)))
+        self._count = kernels.insert(
+            xyz, weight, pose, self.size, self.min_points, self.max_points, self.floor,
+            self._keys, self._slots, self._sums, self._gaussians, self._cell_keys, self._count,
+        )  # fmt: skip
+
+    def evict(self, centre: Array, radius: float) -> None:
+        """Forget the cells further than `radius` [m] from `centre` (3,)."""
+        self._count = kernels.evict(
+            centre, radius, self._keys, self._slots, self._sums, self._gaussians, self._cell_keys, self._count
+        )
+
+    def normal_equations(
+        self, xyz: Array, weight: Array, pose: Array, neighbours: int, kernel: float
+    ) -> tuple[Array, Array, Array]:
+        """See `kernels.normal_equations`."""
+        return kernels.normal_equations(
+            xyz, weight, pose, self.size, neighbours, kernel, self._keys, self._slots, self._gaussians
+        )
+
+    def _allocate(self, capacity: int) -> None:
+        def grown(old: Array | None, new: Array) -> Array:
+            if old is not None:
+                new[: self._count] = old[: self._count]
+            return new
+
+        keep = self._count > 0
+        self._sums = grown(self._sums if keep else None, np.zeros((capacity, 11)))
+        self._gaussians = grown(self._gaussians if keep else None, np.zeros((capacity, 9)))
+        self._cell_keys = grown(self._cell_keys if keep else None, np.zeros(capacity, np.int64))
+        self._keys, self._slots = _table(capacity)
+        kernels.rehash(self._cell_keys, self._count, self._keys, self._slots)

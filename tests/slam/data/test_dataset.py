@@ -1,0 +1,84 @@
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from slam.data.dataset import open_dataset
+from slam.data.errors import InputError
+
+
+def test_a_sequence_is_found_from_any_level(odometry_root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = odometry_root / "sequences" / "04"
+    for path in (odometry_root, odometry_root / "sequences", folder):
+        dataset = open_dataset(path)
+        assert dataset.name == "KITTI odometry 04"
+        assert dataset.ground_truth is not None
+    monkeypatch.chdir(folder)
+    for path in (Path(), Path("velodyne/..")):
+        dataset = open_dataset(path)
+        assert dataset.name == "KITTI odometry 04"
+        assert dataset.ground_truth is not None
+
+
+def test_a_linked_sequence_keeps_the_poses_beside_the_link(odometry_root: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    (odometry_root / "sequences" / "04").rename(elsewhere)
+    (odometry_root / "sequences" / "04").symlink_to(elsewhere)
+    assert open_dataset(odometry_root).ground_truth is not None
+
+
+def test_several_sequences_must_be_told_apart(odometry_root: Path) -> None:
+    shutil.copytree(odometry_root / "sequences" / "04", odometry_root / "sequences" / "10")
+    with pytest.raises(InputError, match=r"--sequence: 04, 10"):
+        open_dataset(odometry_root)
+    assert open_dataset(odometry_root, sequence="10").name == "KITTI odometry 10"
+    assert open_dataset(odometry_root, sequence="4").name == "KITTI odometry 04"
+    with pytest.raises(InputError, match=r"no sequence '11'; it has 04, 10"):
+        open_dataset(odometry_root, sequence="11")
+
+
+def test_a_drive_is_found_from_any_level(tmp_path: Path, hdl64_scan: Callable) -> None:
+    date = tmp_path / "2011_09_26"
+    for name in ("2011_09_26_drive_0005_sync", "2011_09_26_drive_0013_sync"):
+        points = date / name / "velodyne_points"
+        (points / "data").mkdir(parents=True)
+        hdl64_scan(columns=10).tofile(points / "data" / "0000000000.bin")
+        (points / "timestamps.txt").write_text("2011-09-26 13:04:32.335337762\n")
+    for path in (tmp_path, date):
+        with pytest.raises(InputError, match="several drives"):
+            open_dataset(path)
+        for wanted in ("5", "0005", "2011_09_26_drive_0005", "2011_09_26_drive_0005_sync"):
+            assert open_dataset(path, sequence=wanted).name == "KITTI raw 2011_09_26_drive_0005"
+    assert open_dataset(date / "2011_09_26_drive_0013_sync").name == "KITTI raw 2011_09_26_drive_0013"
+    shutil.rmtree(date / "2011_09_26_drive_0005_sync")
+    assert open_dataset(tmp_path).name == "KITTI raw 2011_09_26_drive_0013"
+
+
+def test_what_is_no_drive_is_refused_with_what_was_looked_for(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="looked for KITTI odometry"):
+        open_dataset(tmp_path)
+    with pytest.raises(InputError, match="no such folder"):
+        open_dataset(tmp_path / "nothing")
+    (tmp_path / "file.bag").touch()
+    with pytest.raises(InputError, match="is a file"):
+        open_dataset(tmp_path / "file.bag")
+
+
+def test_a_sequence_folder_without_scans_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "sequences" / "00" / "velodyne").mkdir(parents=True)
+    with pytest.raises(InputError, match="no scans in it"):
+        open_dataset(tmp_path)
+
+
+def test_a_folder_of_scans_has_no_sequences(tmp_path: Path) -> None:
+    (tmp_path / "1.bin").write_bytes(bytes(16))
+    with pytest.raises(InputError, match="leave --sequence out"):
+        open_dataset(tmp_path, sequence="04")
+
+
+def test_positions_past_the_end_end_a_loop(odometry_root: Path) -> None:
+    dataset = open_dataset(odometry_root)
+    assert [dataset[i].index for i in range(len(dataset))] == [0, 1, 2]
+    with pytest.raises(IndexError):
+        dataset[3]
