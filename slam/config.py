@@ -36,15 +36,15 @@ class OdometrySettings(Settings):
     min_range: float = Field(2.5, ge=0)  # m; nearer is the car itself
     max_range: float = Field(80.0, gt=0)  # m
     map_voxel_size: float = Field(0.4, gt=0)  # m, thinning of what enters the map: evens out near and far
-    voxel_size: float = Field(1.5, gt=0)  # m, thinning of what is registered; keep 25 % away from any cell size: aliasing
-    cell_sizes: tuple[float, ...] = (2.0, 1.0)  # m, coarse to fine: the coarse cells reach further, the fine ones decide
+    voxel_size: float = Field(1.5, gt=0)  # m, thinning of what is registered; near a cell's size it aliases
+    cell_sizes: tuple[float, ...] = (2.0, 1.0)  # m: the coarse cells reach further, the fine ones decide
     neighbours: Literal[1, 7] = 1  # Gaussians a point is held against; 7 where the target is a single scan
     min_points: int = Field(5, ge=3)  # a cell with fewer has no Gaussian
     max_points: int = Field(1000, ge=3)  # a cell with so many is left as it is: bounds time, and a standing car's
     kernel: float = Field(1.0, gt=0)  # Cauchy's, on the Mahalanobis distance; hardly matters between 0.5 and 3
     max_iterations: int = Field(12, ge=1)  # at the finest level; 3 are usual
     map_radius: float = Field(100.0, gt=0)  # m around the sensor: the map forgets the rest
-    min_inlier_ratio: float = Field(0.35, ge=0, le=1)  # below it a registration has failed
+    min_inlier_ratio: float = Field(0.25, ge=0, le=1)  # below it a registration has failed
     max_position_sigma: float = Field(0.5, gt=0)  # m, standard deviation along the worst direction: degenerate above it
     search_radius: float = Field(5.0, ge=0)  # m around the prediction, at start-up, after a gap and in a retry
     min_gate: float = Field(0.5, gt=0)  # m between prediction and registration that is never a jump

@@ -17,11 +17,11 @@ from slam.registration.result import RegistrationResult
 from slam.registration.voxels import VoxelFilter
 
 MIN_POINTS = 50  # a thinned scan with fewer is not registered: an empty or all but empty file
-GAP = 3.0  # so many times the usual interval between scans is a gap: the prediction is searched around
+GAP = 5.0  # sweeps without a scan: the prediction is not trusted then, it is searched around
 EVICT_EVERY = 5.0  # m of way between two clean-ups of the map
 LOST_AFTER = 5  # so many failures in a row, and the map starts anew where the sensor is thought to be
 SEARCH_STEP = 0.5  # m, below the reach of a coarse cell
-FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m a frame: what a motion kept from the prediction is worth
+FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m: what a pose kept from the prediction is worth
 
 
 class Target(Protocol):
@@ -56,13 +56,16 @@ class OdometryStep:
 class Odometry:
     """Registers scans one after the other against a local map (or the scan before), from constant velocity."""
 
-    def __init__(self, settings: OdometrySettings, *, vertical_correction: float = 0.0) -> None:
-        self.settings, self.vertical_correction = settings, vertical_correction
+    def __init__(
+        self, settings: OdometrySettings, *, sweep_duration: float = 0.1, vertical_correction: float = 0.0
+    ) -> None:
+        self.settings = settings
+        self.sweep_duration, self.vertical_correction = sweep_duration, vertical_correction  # s, rad
         self.target = _target(settings)
         self._thin = VoxelFilter(settings.map_voxel_size, settings.min_range, settings.max_range)
         self._thin_more = VoxelFilter(settings.voxel_size)
-        self._pose, self._velocity = np.eye(4), np.zeros(6)
-        self._stamp = self._interval = 0.0
+        self._pose, self._velocity = np.eye(4), np.zeros(6)  # rad/s, m/s in the sensor's axes
+        self._stamp: float | None = None
         self._registered = self._failures = 0
         self._squared_jumps: list[float] = []
         self._evicted_at = np.zeros(3)
@@ -70,9 +73,10 @@ class Odometry:
     def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
         """Pose of the next scan: points as recorded, taken at `stamp` [s]."""
         prediction, elapsed = self.predict(stamp), self._elapsed(stamp)
-        scan = correct_vertical(deskew(cloud, se3.exp(self._velocity)), self.vertical_correction)
-        map_points = self._thin(scan.xyz, _weights(scan))
-        points = self._thin_more(*map_points)
+        scan = deskew(cloud, se3.exp(self._velocity * self.sweep_duration))
+        scan = correct_vertical(scan, self.vertical_correction)
+        map_points = self._thin(scan.xyz, _weights(scan))[:2]
+        points = self._thin_more(*map_points)[:2]
 
         if len(points[0]) < MIN_POINTS:
             step = self._kept(prediction, scan)
@@ -90,13 +94,13 @@ class Odometry:
         return self._pose @ se3.exp(self._velocity * self._elapsed(stamp))
 
     def _elapsed(self, stamp: float) -> float:
-        """Time since the last scan in usual intervals: 1 where none is missing or the stamps make no sense."""
-        interval = stamp - self._stamp
-        return interval / self._interval if self._interval > 0 and interval > 0 else 1.0
+        """Seconds since the last scan; one sweep where the stamps make no sense."""
+        forward = self._stamp is not None and stamp > self._stamp
+        return stamp - self._stamp if forward and self._stamp is not None else self.sweep_duration
 
     def _registered_step(self, points: Points, prediction: Array, scan: PointCloud, elapsed: float) -> OdometryStep:
         status: Literal["registered", "retried"] = "registered"
-        searching = self._registered < 2 or elapsed > GAP
+        searching = self._registered < 2 or elapsed > GAP * self.sweep_duration
         found = self._search(points, prediction) if searching else self.target.align(*points, prediction)
         if not searching and not (self._sound(found) and self._jump(prediction, found.pose) < self._gate()):
             status, again = "retried", self._search(points, prediction)
@@ -138,15 +142,12 @@ class Odometry:
         return OdometryStep(prediction, np.diag(FAILED_SIGMA**2), "failed", found, scan)
 
     def _follow(self, step: OdometryStep, elapsed: float, stamp: float) -> None:
-        """Velocity, usual interval and usual jump after this scan."""
+        """Velocity [rad/s, m/s] and usual jump after this scan."""
         if step.status != "failed":
             if self._registered > 1:
                 self._squared_jumps.append(self._jump(self.predict(stamp), step.pose) ** 2)
             self._velocity = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose)) / elapsed
             self._registered += 1
-        interval = stamp - self._stamp
-        if self._stamp and 0 < interval and elapsed < GAP:
-            self._interval = interval if self._interval == 0 else 0.9 * self._interval + 0.1 * interval
         self._pose, self._stamp = step.pose, stamp
 
     def _remember(self, step: OdometryStep, points: Points) -> None:

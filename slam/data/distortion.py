@@ -18,9 +18,9 @@ def deskew(cloud: PointCloud, motion: Array) -> PointCloud:
     """
     if cloud.time is None:
         return cloud
-    twist = se3.log(motion)
-    K = se3.skew(twist[:3])
-    return cloud.with_xyz(move_along_sweep(cloud.xyz, cloud.time, K, K @ K / 2, K @ K @ K / 6, twist[3:]))
+    twist, X = se3.log(motion), np.zeros((4, 4))
+    X[:3, :3], X[:3, 3] = se3.skew(twist[:3]), twist[3:]
+    return cloud.with_xyz(move_along_sweep(cloud.xyz, cloud.time, X[:3], (X @ X / 2)[:3], (X @ X @ X / 6)[:3]))
 
 
 def correct_vertical(cloud: PointCloud, angle: float) -> PointCloud:

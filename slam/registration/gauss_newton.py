@@ -20,13 +20,14 @@ RIDGE = 1e-9  # relative; an unobserved direction takes no step instead of a wil
 class Linearisation:
     """A method's quadratic model at one pose, for a turn about the sensor and a move of it, in the target's axes.
 
-    H (6, 6), gradient (6,), variance of the whitened residuals, inlier ratio and score as in RegistrationResult.
+    H (6, 6), gradient (6,), variance of the whitened residuals, inlier ratio, overlap and score as in RegistrationResult.
     """
 
     H: Array
     gradient: Array
     variance: float
     inlier_ratio: float
+    overlap: float
     score: float
 
 
@@ -52,6 +53,7 @@ def result(model: Linearisation, pose: Array, iterations: int, converged: bool) 
         H=H,
         covariance=model.variance * _solve(H, np.eye(6)),
         inlier_ratio=model.inlier_ratio,
+        overlap=model.overlap,
         score=model.score,
         iterations=iterations,
         converged=converged,

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from slam.data.cloud import Array
 from slam.registration.gauss_newton import Linearisation, minimise, result
+from slam.registration.kernels import INLIER
 from slam.registration.result import RegistrationResult
 
 GATE = 2.0  # m; pairs further apart are left out
@@ -55,7 +56,7 @@ class IcpTarget:
         paired = np.isfinite(distance)
         total = max(float(weight.sum()), 1e-9)
         if not paired.any():
-            return Linearisation(np.zeros((6, 6)), np.zeros(6), 1.0, 0.0, 0.0)
+            return Linearisation(np.zeros((6, 6)), np.zeros(6), 1.0, 0.0, 0.0, 0.0)
         q, w = turned[paired], weight[paired].astype(float)
         J, r = self._residuals(q, nearest[paired], pose)
         m = np.einsum("ni,ni->n", r, r) / NOISE**2
@@ -65,7 +66,8 @@ class IcpTarget:
             H=np.einsum("n,nik,nil->kl", scaled, J, J, optimize=True),
             gradient=np.einsum("n,nik,ni->k", scaled, J, r, optimize=True),
             variance=float((robust * m).sum() / (r.shape[1] * robust.sum())),
-            inlier_ratio=float(w[m < 7.815].sum() / total),
+            inlier_ratio=float(w[m < INLIER].sum() / max(w.sum(), 1e-9)),
+            overlap=float(w.sum() / total),
             score=float((w * np.exp(-m / 2)).sum() / total),
         )
 

@@ -42,7 +42,7 @@ def _find(keys, key):
 def downsample(xyz, weight, size, min_range, max_range, keys, slots):
     """Weighted centroid of the points of each cell, in the order in which the cells were first met.
 
-    Points nearer to the origin than `min_range` or further than `max_range`, and those that are not finite, are left out.
+    Points nearer to the origin than `min_range` or further than `max_range`, and those not finite, are left out.
     xyz (N, 3) float32, weight (N,) float32 -> centroids (M, 3) float32, mean weights (M,) float32, source (M,) int64:
     the first point of each cell. `keys` and `slots` are scratch, at least twice as long as N, overwritten.
     """
@@ -235,12 +235,13 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
     weight is Cauchy's, 1 / (1 + m / kernel^2), on the Mahalanobis distance. `neighbours` is 1 (the point's own cell)
     or 7 (its six neighbours by face as well).
 
-    Returns H (6, 6), gradient (6,), and five sums: robust weights, robust weights x m, the weight of the points whose
-    best m is below the 95 % quantile of chi^2(3), the paper's eq. 5 (weights x exp(-m / 2), best cell), all weights.
+    Returns H (6, 6), gradient (6,), and six sums: robust weights, robust weights x m, the weight of the points whose
+    best m is below the 95 % quantile of chi^2(3), the paper's eq. 5 (weights x exp(-m / 2), best cell), the weight of
+    the points that met a Gaussian, all weights.
     """
     H = np.zeros((6, 6))
     g = np.zeros(6)
-    totals = np.zeros(5)
+    totals = np.zeros(6)
     inverse_size, inverse_kernel = 1.0 / size, 1.0 / (kernel * kernel)
     for i in range(len(xyz)):
         px, py, pz, w = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), np.float64(weight[i])
@@ -249,7 +250,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
         qz = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * pz
         x, y, z = qx + pose[0, 3], qy + pose[1, 3], qz + pose[2, 3]
         best = np.inf
-        totals[4] += w
+        totals[5] += w
         for n in range(neighbours):
             step = size if n % 2 == 1 else -size
             axis = (n + 1) // 2
@@ -276,6 +277,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
             totals[1] += u * m
             _add_point(H, g, u, S, qx, qy, qz, u * sx, u * sy, u * sz)
         if best < np.inf:
+            totals[4] += w
             totals[3] += w * math.exp(-0.5 * best)
             if best < INLIER:
                 totals[2] += w

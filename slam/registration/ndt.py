@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
-import numpy as np
-
-from slam.data import se3
 from slam.data.cloud import Array
 from slam.registration.gauss_newton import Linearisation, minimise, result
 from slam.registration.result import RegistrationResult
@@ -65,18 +63,20 @@ class NdtTarget:
         pose, steps, converged = guess, 0, False
         for level in self.levels:
             limit = self.max_iterations if level is self.levels[-1] else self.max_iterations // 2
-            pose, taken, converged = minimise(lambda T, level=level: self._linearise(level, xyz, weight, T), pose, limit)
+            linearise = partial(self._linearise, level, xyz, weight)
+            pose, taken, converged = minimise(linearise, pose, limit)
             steps += taken
         return result(self._linearise(self.levels[-1], xyz, weight, pose), pose, steps, converged)
 
     def _linearise(self, level: VoxelGaussians, xyz: Array, weight: Array, pose: Array) -> Linearisation:
         H, gradient, totals = level.normal_equations(xyz, weight, pose, self.neighbours, self.kernel)
-        robust, cost, inliers, score, total = totals
+        robust, cost, inliers, score, met, total = totals
         return Linearisation(
             H=H,
             gradient=gradient,
             # three residuals a point, whitened: 1 where the Gaussians tell the truth about the points
             variance=cost / max(3.0 * robust, 1e-9),
-            inlier_ratio=inliers / max(total, 1e-9),
+            inlier_ratio=inliers / max(met, 1e-9),
+            overlap=met / max(total, 1e-9),
             score=score / max(total, 1e-9),
         )

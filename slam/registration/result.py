@@ -12,13 +12,13 @@ class RegistrationResult:
     """A pose and how far it can be trusted.
 
     pose          (4, 4) T_target_source
-    H             (6, 6) Gauss-Newton Hessian at the pose, robust weights applied, for a perturbation pose @ exp(xi) with
+    H             (6, 6) Gauss-Newton Hessian at the pose, robust weights applied, for a perturbation pose @ exp(xi),
                   xi = (rotation [rad], translation [m]) in the source's axes, as GTSAM's Pose3 has it
     covariance    (6, 6) of the same xi: inv(H) times the variance of the weighted residuals
-    inlier_ratio  share of the points' weight that fits the target: Mahalanobis distance squared below 7.8 (the 95 %
-                  quantile of chi^2 with 3 degrees of freedom) for NDT, within the correspondence gate for ICP
+    overlap       share of the points' weight that met the target: a cell with a Gaussian, a point within the gate
+    inlier_ratio  share of those that fit it: Mahalanobis distance squared below 7.8, the 95 % quantile of chi^2(3)
     score         mean over the points of exp(-m / 2) with the Mahalanobis distance squared m, 0 where no cell is met
-                  (the paper's eq. 5, to be maximised, divided by the number of points); for ICP, mean squared distance
+                  (the paper's eq. 5, to be maximised, divided by the number of points)
     iterations    Gauss-Newton steps taken, all levels together
     converged     the last step was below the thresholds before the iterations ran out
     """
@@ -26,6 +26,7 @@ class RegistrationResult:
     pose: Array
     H: Array
     covariance: Array
+    overlap: float
     inlier_ratio: float
     score: float
     iterations: int

@@ -39,6 +39,7 @@ class VoxelGaussians:
 
     def __init__(self, size: float, min_points: int, max_points: int, floor: float = 0.003) -> None:
         self.size, self.min_points, self.max_points, self.floor = size, min_points, max_points, floor
+        self._sums, self._gaussians, self._cell_keys = np.zeros((0, 11)), np.zeros((0, 9)), np.zeros(0, np.int64)
         self.clear()
 
     def __len__(self) -> int:
@@ -46,7 +47,7 @@ class VoxelGaussians:
 
     def clear(self) -> None:
         self._count = 0
-        self._allocate(4096)
+        self._allocate(max(4096, len(self._sums)))
 
     def insert(self, xyz: Array, weight: Array, pose: Array) -> None:
         """Add points (N, 3) float32 with weights (N,) float32, moved by `pose` (4, 4)."""
@@ -72,14 +73,11 @@ class VoxelGaussians:
         )
 
     def _allocate(self, capacity: int) -> None:
-        def grown(old: Array | None, new: Array) -> Array:
-            if old is not None:
-                new[: self._count] = old[: self._count]
-            return new
-
-        keep = self._count > 0
-        self._sums = grown(self._sums if keep else None, np.zeros((capacity, 11)))
-        self._gaussians = grown(self._gaussians if keep else None, np.zeros((capacity, 9)))
-        self._cell_keys = grown(self._cell_keys if keep else None, np.zeros(capacity, np.int64))
+        """Room for so many cells, with those there are."""
+        old = (self._sums, self._gaussians, self._cell_keys)
+        self._sums, self._gaussians = np.zeros((capacity, 11)), np.zeros((capacity, 9))
+        self._cell_keys = np.zeros(capacity, np.int64)
+        for new, values in zip((self._sums, self._gaussians, self._cell_keys), old, strict=True):
+            new[: self._count] = values[: self._count]
         self._keys, self._slots = _table(capacity)
         kernels.rehash(self._cell_keys, self._count, self._keys, self._slots)

@@ -1,0 +1,55 @@
+# lidarlift: `make` lists the targets. Everything is installed into .venv; no need to activate it.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.DEFAULT_GOAL := help
+.PHONY: help setup test lint benchmark clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+
+setup: $(READY) ## install into .venv what is missing: Debian packages, Python packages, the command lidarlift
+
+test: setup ## run the tests (ARGS="-k ndt" for some of them; real drives: see CONTRIBUTING.md)
+	@$(BIN)/pytest -n 2 $(ARGS)
+
+lint: setup ## check style, types and the import contract
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+
+benchmark: setup ## measure beside the peers: make benchmark DATASETS="DRIVE [DRIVE ...]"
+	@test -n "$(DATASETS)" || { echo 'Which drives? make benchmark DATASETS="path/to/drive ..."' >&2; exit 2; }
+	@$(BIN)/python benchmarks/odometry.py $(DATASETS)
+
+clean: ## remove .venv and what builds and tools left
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find slam eval configs tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# What Debian has to bring: libusb-1.0 for open3d, and venv's ensurepip where python3 comes without it.
+# ldconfig lies in /sbin, which is not on everyone's PATH; other systems have none and need nothing of this.
+$(READY): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+	    echo "lidarlift needs Python 3.11 or newer, '$(PYTHON)' is not: make setup PYTHON=python3.12" >&2; exit 1; }
+	@PATH="$$PATH:/usr/sbin:/sbin"; missing=; \
+	if command -v ldconfig >/dev/null && ! ldconfig -p | grep libusb-1.0 >/dev/null; then missing=libusb-1.0-0; fi; \
+	if ! test -x $(BIN)/python && ! $(PYTHON) -c 'import ensurepip' 2>/dev/null; then \
+	    missing="$$missing $$($(PYTHON) -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')"; fi; \
+	test -z "$$missing" && exit; \
+	as_root=; test "$$(id -u)" = 0 || as_root=sudo; \
+	if command -v apt-get >/dev/null && { test -z "$$as_root" || command -v sudo >/dev/null; }; then \
+	    echo "Installing Debian packages: $$missing"; \
+	    $$as_root apt-get -qq update || true; \
+	    $$as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends $$missing && exit; \
+	fi; \
+	echo "Please install with your system's packages (names as in Debian), then run make again: $$missing" >&2
+	@test -x $(BIN)/python -a -x $(BIN)/pip || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
+	    echo "No virtual environment: '$(PYTHON)' has no working venv (Debian: apt-get install python3-venv)" >&2; exit 1; }
+	@echo "Installing Python packages into $(VENV): 1 GB, some minutes the first time"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,benchmarks]'
+	@$(BIN)/python -c 'import open3d' >/dev/null || { \
+	    echo "open3d does not start: see the error above (on Debian it needs libusb-1.0-0)" >&2; exit 1; }
+	@touch $@
