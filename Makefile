@@ -48,7 +48,7 @@ $(READY): pyproject.toml constraints.txt
 	echo "Please install with your system's packages (names as in Debian), then run make again: $$missing" >&2
 	@test -x $(BIN)/python -a -x $(BIN)/pip || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	    echo "No virtual environment: '$(PYTHON)' has no working venv (Debian: apt-get install python3-venv)" >&2; exit 1; }
-	@echo "Installing Python packages into $(VENV): 1 GB, some minutes the first time"
+	@echo "Installing Python packages into $(VENV) (2 GB): some minutes the first time"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,benchmarks]'
 	@$(BIN)/python -c 'import open3d' >/dev/null || { \
 	    echo "open3d does not start: see the error above (on Debian it needs libusb-1.0-0)" >&2; exit 1; }

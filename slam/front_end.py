@@ -8,6 +8,7 @@ from typing import Protocol
 from slam.config import FrontEndSettings
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.ring_patterns import drop_rings
+from slam.data.sensor import Sensor
 
 #: Past clouds, newest last, each with T_now_then (4, 4): its sensor's frame in the present one, as predicted.
 History = Sequence[tuple[PointCloud, Array]]
@@ -20,13 +21,17 @@ class FrontEnd(Protocol):
 
 
 class RingFrontEnd:
-    """The scan as recorded (input 64), or with the rings dropped that a 16-channel sensor would not have (16)."""
+    """The scan as recorded (input 64), or with the rings dropped that a 16-channel sensor would not have (input 16).
 
-    def __init__(self, settings: FrontEndSettings) -> None:
-        self.settings = settings
+    The scan of a sensor that has 16 rings or fewer is taken as it is.
+    """
+
+    def __init__(self, settings: FrontEndSettings, sensor: Sensor | None = None) -> None:
+        self.settings, self.sensor = settings, sensor
+        self.as_recorded = settings.input == "64" or (sensor is not None and sensor.ring_count <= 16)
 
     def __call__(self, frame: Frame, history: History) -> PointCloud:
         del history  # nothing is filled in here
-        if self.settings.input == "64":
+        if self.as_recorded or len(frame.cloud) == 0:
             return frame.cloud
-        return drop_rings(frame.cloud, self.settings.drop, self.settings.phase)
+        return drop_rings(frame.cloud, self.settings.drop, self.settings.phase, self.sensor)

@@ -20,7 +20,7 @@ RIDGE = 1e-9  # relative; an unobserved direction takes no step instead of a wil
 class Linearisation:
     """A method's quadratic model at one pose, for a turn about the sensor and a move of it, in the target's axes.
 
-    H (6, 6), gradient (6,), variance of the whitened residuals, inlier ratio, overlap and score as in RegistrationResult.
+    H (6, 6), gradient (6,), variance of the whitened residuals; the others as in RegistrationResult.
     """
 
     H: Array

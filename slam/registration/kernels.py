@@ -285,3 +285,52 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
         for j in range(k):
             H[k, j] = H[j, k]
     return H, g, totals
+
+
+@njit(cache=True, nogil=True)
+def average_into(xyz, intensity, pose, size, max_range, keys, slots, sums, cell_keys, count):
+    """Add points (N, 3) within `max_range`, moved by `pose` (4, 4), to the averages of their cells.
+
+    sums (C, 5) float32: points, offsets from the cell's corner (3), intensity. Returns the new number of cells.
+    """
+    inverse_size = 1.0 / size
+    last_key, cell = EMPTY, 0
+    for i in range(len(xyz)):
+        px, py, pz = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
+        if not px * px + py * py + pz * pz <= max_range * max_range:
+            continue
+        x = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * pz + pose[0, 3]
+        y = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * pz + pose[1, 3]
+        z = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * pz + pose[2, 3]
+        key = _key(x, y, z, inverse_size)
+        if key != last_key:
+            last_key = key
+            slot = _find(keys, key)
+            if keys[slot] == EMPTY:
+                keys[slot] = key
+                slots[slot] = count
+                cell_keys[count] = key
+                sums[count] = 0.0
+                count += 1
+            cell = slots[slot]
+        sums[cell, 0] += 1.0
+        sums[cell, 1] += x - math.floor(x * inverse_size) * size
+        sums[cell, 2] += y - math.floor(y * inverse_size) * size
+        sums[cell, 3] += z - math.floor(z * inverse_size) * size
+        sums[cell, 4] += intensity[i]
+    return count
+
+
+@njit(cache=True, nogil=True)
+def averages(sums, cell_keys, count, size):
+    """Mean point (C, 3) float64 and mean intensity (C,) float32 of each cell."""
+    xyz = np.empty((count, 3), np.float64)
+    intensity = np.empty(count, np.float32)
+    half = np.int64(1) << (_BITS - 1)
+    for cell in range(count):
+        for axis in range(3):
+            index = (cell_keys[cell] >> ((2 - axis) * _BITS)) & _MASK
+            index = ((index + half) & _MASK) - half  # back to a signed index
+            xyz[cell, axis] = index * size + sums[cell, 1 + axis] / sums[cell, 0]
+        intensity[cell] = sums[cell, 4] / sums[cell, 0]
+    return xyz, intensity

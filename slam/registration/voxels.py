@@ -8,7 +8,7 @@ from slam.data.cloud import Array
 from slam.registration import kernels
 
 
-def _table(entries: int) -> tuple[Array, Array]:
+def hash_table(entries: int) -> tuple[Array, Array]:
     """An empty hash table, at most half full with so many entries."""
     size = 1 << max(10, (2 * entries - 1).bit_length())
     return np.full(size, kernels.EMPTY, np.int64), np.zeros(size, np.int32)
@@ -19,12 +19,12 @@ class VoxelFilter:
 
     def __init__(self, size: float, min_range: float = 0.0, max_range: float = np.inf) -> None:
         self.size, self.min_range, self.max_range = size, min_range, max_range
-        self._scratch = _table(1)
+        self._scratch = hash_table(1)
 
     def __call__(self, xyz: Array, weight: Array) -> tuple[Array, Array, Array]:
         """Points (N, 3) and weights (N,), float32 -> centroids (M, 3), mean weights (M,), first point of each (M,)."""
         if len(self._scratch[0]) < 2 * len(xyz):
-            self._scratch = _table(len(xyz))
+            self._scratch = hash_table(len(xyz))
         return kernels.downsample(xyz, weight, self.size, self.min_range, self.max_range, *self._scratch)
 
 
@@ -79,5 +79,5 @@ class VoxelGaussians:
         self._cell_keys = np.zeros(capacity, np.int64)
         for new, values in zip((self._sums, self._gaussians, self._cell_keys), old, strict=True):
             new[: self._count] = values[: self._count]
-        self._keys, self._slots = _table(capacity)
+        self._keys, self._slots = hash_table(capacity)
         kernels.rehash(self._cell_keys, self._count, self._keys, self._slots)

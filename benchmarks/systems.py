@@ -1,0 +1,73 @@
+"""The systems that are compared, behind one call: a scan and its stamp in, a pose out."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from slam.config import Config, load_config
+from slam.data.cloud import Array, PointCloud
+from slam.data.dataset import Dataset
+from slam.odometry import Odometry
+
+REFERENCE = "kiss-icp"  # what the others are held against
+PRESETS = {"ndt": None, "ndt-scan-to-scan": "scan-to-scan"}  # ours; the preset of the input comes on top
+SYSTEMS = (*PRESETS, REFERENCE, "vgicp", "gicp", "point-to-plane")
+CHANNELS = ("64", "16")
+
+
+class System(Protocol):
+    """An odometry from constant velocity; `failed_frames` counts predictions kept, None where a system does not say."""
+
+    @property
+    def failed_frames(self) -> int | None: ...
+    def register(self, cloud: PointCloud, stamp: float) -> Array: ...
+
+
+class Ours:
+    """lidarlift's odometry as `lidarlift run` sets it up."""
+
+    def __init__(self, config: Config, dataset: Dataset) -> None:
+        self._odometry = Odometry(
+            config.odometry, sweep_duration=sweep_duration(dataset), vertical_correction=vertical_correction(dataset)
+        )
+        self.failed_frames = 0
+
+    def register(self, cloud: PointCloud, stamp: float) -> Array:
+        step = self._odometry.register(cloud, stamp)
+        self.failed_frames += step.status == "failed"
+        return step.pose
+
+
+class Theirs:
+    """One of peers.py, on one thread."""
+
+    failed_frames = None
+
+    def __init__(self, name: str, dataset: Dataset) -> None:
+        import peers  # here, so that the memory of ours is measured without them
+
+        kinds = {"kiss-icp": peers.Kiss, "vgicp": peers.VoxelizedGicp, "gicp": peers.Gicp}
+        self._peer = kinds.get(name, peers.PointToPlane)(vertical_correction(dataset), threads=1)
+
+    def register(self, cloud: PointCloud, stamp: float) -> Array:
+        del stamp  # the peers take scans to be evenly spaced
+        return self._peer.register(cloud)
+
+
+def build(name: str, channels: str, dataset: Dataset) -> System:
+    """A fresh system of that name for `channels` of the data set's sensor."""
+    if name in PRESETS:
+        return Ours(load_config(PRESETS[name], input=channels), dataset)
+    return Theirs(name, dataset)
+
+
+def vertical_correction(dataset: Dataset) -> float:
+    """Of the data set's sensor [rad]."""
+    return dataset.sensor.vertical_correction if dataset.sensor else 0.0
+
+
+def sweep_duration(dataset: Dataset) -> float:
+    """The usual time from scan to scan [s]: the peers deskew by the motion of just that time."""
+    return float(np.median(np.diff(dataset.stamps))) if len(dataset) > 1 else 0.1

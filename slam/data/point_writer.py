@@ -1,0 +1,26 @@
+"""Clouds to PCD and PLY, through Open3D's tensor I/O, which keeps fields beside the coordinates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from slam.data.atomic import written_beside
+from slam.data.cloud import PointCloud
+from slam.data.errors import InputError
+
+
+def write_points(path: Path, cloud: PointCloud) -> None:
+    """Write x y z intensity, and the colour where there is one, as binary .pcd or .ply."""
+    if path.suffix.lower() not in (".pcd", ".ply"):
+        raise InputError(f"{path}: clouds are written as .pcd or .ply")
+    import open3d as o3d  # a second of import, at the end of a run only
+
+    points = o3d.t.geometry.PointCloud(o3d.core.Tensor.from_numpy(cloud.xyz))
+    points.point["intensity"] = o3d.core.Tensor.from_numpy(np.ascontiguousarray(cloud.intensity[:, None]))
+    if cloud.colour is not None:
+        points.point["colors"] = o3d.core.Tensor.from_numpy(cloud.colour)
+    with written_beside(path) as temporary:
+        if not o3d.t.io.write_point_cloud(temporary, points, write_ascii=False, compressed=False):
+            raise OSError("Open3D could not write the points; is the disk full?")

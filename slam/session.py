@@ -1,0 +1,116 @@
+"""The run folder: what a run leaves on disk, each file whole or not there."""
+
+from __future__ import annotations
+
+import json
+import platform
+import resource
+import sys
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slam.data.atomic import write_text
+from slam.data.cloud import Array
+from slam.data.errors import InputError
+from slam.data.point_writer import write_points
+from slam.data.pose_files import kitti_text, tum_text
+from slam.pipeline import STAGES, Run
+
+PACKAGES = ("lidarlift", "numpy", "numba", "scipy", "open3d", "evo")
+
+
+def save_run(run: Run, folder: str | Path) -> Path:
+    """Write trajectories, map, timings and, last, run.json. Raises InputError where the folder cannot be written."""
+    folder = Path(folder)
+    for name in ("trajectory", "odometry"):  # the same as long as no loop is closed
+        write_text(folder / f"{name}_kitti.txt", kitti_text(run.poses))
+        write_text(folder / f"{name}_tum.txt", tum_text(run.stamps, run.poses))
+    _write_ground_truth(run, folder)
+    write_text(folder / "timings.csv", _timings_csv(run))
+    write_points(folder / "map.pcd", run.map.points())
+    write_text(folder / "run.json", json.dumps(_report(run), indent=2) + "\n")
+    return folder
+
+
+def read_report(folder: Path) -> dict[str, Any]:
+    """run.json of a run folder. Raises InputError where it is not there or not whole."""
+    path = folder / "run.json"
+    try:
+        report = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: no run to read here ({error}); name a folder that `lidarlift run` wrote") from error
+    return dict(report)
+
+
+def _write_ground_truth(run: Run, folder: Path) -> None:
+    path, truth = folder / "ground_truth_tum.txt", run.ground_truth
+    known = np.zeros(0, bool) if truth is None else np.isfinite(truth).all(axis=(1, 2))
+    if truth is not None and known.sum() >= 2:
+        write_text(path, tum_text(run.stamps[known], truth[known]))
+    else:
+        path.unlink(missing_ok=True)  # an earlier run's, of another drive
+        (folder / "metrics.json").unlink(missing_ok=True)
+
+
+def _timings_csv(run: Run) -> str:
+    rows = [f"frame,stamp_s,status,inlier_ratio,points,{','.join(f'{stage}_ms' for stage in STAGES)}"]
+    for record in run.records:
+        times = ",".join(f"{record.milliseconds[stage]:.3f}" for stage in STAGES)
+        rows.append(
+            f"{record.index},{record.stamp:.6f},{record.status},{record.inlier_ratio:.4f},{record.points},{times}"
+        )
+    return "\n".join(rows) + "\n"
+
+
+def _report(run: Run) -> dict[str, Any]:
+    dataset, calibration = run.dataset, run.dataset.calibration
+    times = {stage: np.array([record.milliseconds[stage] for record in run.records]) for stage in STAGES}
+    return {
+        "protocol": {
+            "dataset": dataset.name,
+            "path": str(dataset.path),
+            "sensor": dataset.sensor.name if dataset.sensor else None,
+            "frames": [run.positions.start, run.positions.stop, run.positions.step],
+            "input": run.config.front_end.input,
+            "vertical_correction_deg": round(float(np.rad2deg(run.vertical_correction)), 6),
+            "deskew": run.deskewed,
+            "alignment": "none: the first frame is the origin; metrics.json says how each figure was aligned",
+            "seed": run.config.seed,
+            "versions": {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES},
+            "config": run.config.model_dump(mode="json"),
+        },
+        "counts": run.counts(),
+        "problems": [problem.message for problem in run.problems],
+        "timings_ms": {
+            stage: {"median": _percentile(values, 50), "p95": _percentile(values, 95)}
+            for stage, values in times.items()
+        },
+        "path_length_m": round(float(np.linalg.norm(np.diff(run.poses[:, :3, 3], axis=0), axis=1).sum()), 4),
+        "map_points": len(run.map),
+        "peak_memory_mb": round(_peak_memory(), 1),
+        "T_camera0_lidar": _matrix(calibration.T_camera0_lidar if calibration else None),
+    }
+
+
+def _percentile(values: Array, q: float) -> float:
+    return round(float(np.percentile(values, q)), 3)
+
+
+def _matrix(T: Array | None) -> list[list[float]] | None:
+    return None if T is None else T.tolist()
+
+
+def _peak_memory() -> float:
+    """Of this process so far [MB]; the kernel counts kilobytes, macOS bytes."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1e6 if sys.platform == "darwin" else 1e3)
+
+
+def _version(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None

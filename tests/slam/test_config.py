@@ -1,0 +1,192 @@
+"""Presets, files, overrides, and what is said about wrong ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from slam.config import Config, load_config, preset_names
+from slam.data.errors import InputError
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "mine.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def refusal(source: str | Path | None = None, *overrides: str, **front_end: object) -> str:
+    with pytest.raises(InputError) as error:
+        load_config(source, overrides, **front_end)
+    return str(error.value)
+
+
+def test_nothing_given_means_the_defaults() -> None:
+    assert load_config() == Config()
+    assert load_config().front_end.input == "64"
+
+
+def test_all_presets_load() -> None:
+    assert {"channels-16", "channels-64", "icp", "scan-to-scan"} <= set(preset_names())
+    for name in preset_names():
+        assert isinstance(load_config(name), Config)
+
+
+def test_presets_say_what_they_are_for() -> None:
+    icp, scan = load_config("icp").odometry, load_config("scan-to-scan").odometry
+    assert (icp.registration, icp.target) == ("icp-point-to-plane", "scan")
+    assert (scan.registration, scan.target, scan.neighbours) == ("ndt", "scan", 7)
+    assert load_config("channels-64") == Config()  # the defaults are for 64 channels
+
+
+def test_input_16_brings_its_preset() -> None:
+    config = load_config(input="16")
+    assert config.front_end.input == "16"
+    assert config.odometry == load_config("channels-16").odometry
+    assert config.odometry != Config().odometry
+
+
+def test_input_16_of_a_file_brings_its_preset(tmp_path: Path) -> None:
+    config = load_config(written(tmp_path, "front_end: {input: '16'}\n"))
+    assert config == load_config(input="16")
+
+
+def test_a_keyword_beats_the_file(tmp_path: Path) -> None:
+    path = written(tmp_path, "front_end: {input: '16', phase: 2}\n")
+    assert load_config(path, input="64").front_end.input == "64"
+    assert load_config(path, input=None).front_end.input == "16"
+    assert load_config(path, input="64").front_end.phase == 2
+
+
+def test_a_file_beats_the_preset_of_the_input(tmp_path: Path) -> None:
+    config = load_config(written(tmp_path, "odometry: {voxel_size: 0.7}\n"), input="16")
+    assert config.odometry.voxel_size == 0.7
+    assert config.odometry.min_points == load_config(input="16").odometry.min_points == 3
+
+
+def test_an_override_beats_the_file(tmp_path: Path) -> None:
+    path = written(tmp_path, "odometry: {voxel_size: 0.7, kernel: 2.0}\nseed: 7\n")
+    config = load_config(path, ["odometry.voxel_size=0.9", "odometry.cell_sizes=[4, 2, 1]", "map.voxel_size=0.3"])
+    assert config.odometry.voxel_size == 0.9
+    assert config.odometry.kernel == 2.0
+    assert config.odometry.cell_sizes == (4.0, 2.0, 1.0)
+    assert config.map.voxel_size == 0.3
+    assert config.seed == 7
+
+
+def test_an_empty_file_means_the_defaults(tmp_path: Path) -> None:
+    assert load_config(written(tmp_path, "# nothing yet\n")) == Config()
+
+
+def test_settings_cannot_be_changed_afterwards() -> None:
+    with pytest.raises(ValueError):
+        load_config().odometry.voxel_size = 3.0  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("text", "right"),
+    [
+        ("odometry: {voxelsize: 1}", "'odometry.voxel_size'"),
+        ("odometry: {neighbors: 7}", "'odometry.neighbours'"),
+        ("odometri: {voxel_size: 1}", "'odometry'"),
+        ("front_end: {fase: 1}", "'front_end.phase'"),
+        ("map: {max_rnage: 1}", "'map.max_range'"),
+        ("sed: 1", "'seed'"),
+        ("max_position_sigma: 1", "'odometry.max_position_sigma'"),
+    ],
+)
+def test_a_wrong_key_names_the_nearest_right_one(tmp_path: Path, text: str, right: str) -> None:
+    message = refusal(written(tmp_path, text))
+    assert message.endswith(f"did you mean {right}?")
+    assert "mine.yaml" in message
+
+
+def test_a_wrong_override_names_the_nearest_right_one() -> None:
+    assert "'odometry.kernel'" in refusal(None, "odometry.kernle=2")
+    assert "'front_end.input'" in refusal(inptu="16")
+
+
+@pytest.mark.parametrize(
+    ("override", "key"),
+    [
+        ("odometry.voxel_size=-1", "odometry.voxel_size"),
+        ("odometry.voxel_size=wide", "odometry.voxel_size"),
+        ("odometry.neighbours=6", "odometry.neighbours"),
+        ("odometry.registration=gicp", "odometry.registration"),
+        ("odometry.min_points=2", "odometry.min_points"),
+        ("odometry.min_inlier_ratio=1.5", "odometry.min_inlier_ratio"),
+        ("odometry.cell_sizes=[1.0, 2.0]", "odometry.cell_sizes"),
+        ("odometry.cell_sizes=[]", "odometry.cell_sizes"),
+        ("odometry.cell_sizes=[1.0, 0]", "odometry.cell_sizes"),
+        ("odometry.min_range=90", "odometry.min_range"),
+        ("front_end.phase=4", "front_end.phase"),
+        ("front_end.drop=every-3rd", "front_end.drop"),
+    ],
+)
+def test_a_value_that_makes_no_sense_is_refused(override: str, key: str) -> None:
+    assert key in refusal(None, override)
+
+
+def test_an_unknown_input_is_refused() -> None:
+    assert "front_end.input" in refusal(input="32")
+
+
+@pytest.mark.parametrize("registration", ["icp-point-to-point", "icp-point-to-plane"])
+def test_icp_needs_the_scan_as_its_target(registration: str) -> None:
+    override = f"odometry.registration={registration}"
+    assert "odometry.target=scan" in refusal(None, override)
+    assert load_config(None, [override, "odometry.target=scan"]).odometry.registration == registration
+
+
+@pytest.mark.parametrize("override", ["odometry.voxel_size", "voxel_size=1", "=", ""])
+def test_an_override_is_section_key_and_value(override: str) -> None:
+    assert "section.key=value" in refusal(None, override)
+
+
+@pytest.mark.parametrize("text", ["odometry: [1", "odometry: {a: b", "\tseed: 1"])
+def test_what_is_not_yaml_is_refused(tmp_path: Path, text: str) -> None:
+    message = refusal(written(tmp_path, text))
+    assert "not YAML" in message
+    assert "\n" not in message
+
+
+def test_bytes_are_not_yaml(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_bytes(b"\xff\xfe\x00\x80")
+    assert "not YAML" in refusal(path)
+
+
+def test_yaml_without_sections_is_refused(tmp_path: Path) -> None:
+    assert "sections" in refusal(written(tmp_path, "- 1\n- 2\n"))
+    assert "is a section" in refusal(written(tmp_path, "odometry: 1\n"))
+
+
+def test_a_missing_file_names_the_presets(tmp_path: Path) -> None:
+    message = refusal(tmp_path / "missing.yaml")
+    assert "missing.yaml" in message
+    assert "channels-16" in message
+
+
+@pytest.mark.parametrize("text", ["odometry:\n", "odometry: 1\n"])
+def test_an_override_into_what_is_no_section_is_refused(tmp_path: Path, text: str) -> None:
+    """An empty section is what is left when all of its keys are commented out: either it works, or it is refused."""
+    try:
+        config = load_config(written(tmp_path, text), ["odometry.kernel=2"])
+    except InputError as error:
+        assert "odometry" in str(error)
+    else:
+        assert config.odometry.kernel == 2
+
+
+def test_an_override_into_a_value_is_refused() -> None:
+    assert "kernel" in refusal(None, "odometry.kernel=1", "odometry.kernel.x=2")
+
+
+def test_an_override_that_is_not_yaml_is_refused() -> None:
+    assert "odometry.kernel" in refusal(None, "odometry.kernel=[1")
+
+
+def test_input_16_may_be_written_without_quotes(tmp_path: Path) -> None:
+    assert load_config(written(tmp_path, "front_end: {input: 16}\n")).front_end.input == "16"
+    assert load_config(None, ["front_end.input=16"]).front_end.input == "16"

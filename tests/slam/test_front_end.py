@@ -1,0 +1,60 @@
+"""What of a scan is registered."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slam.config import FrontEndSettings
+from slam.data.cloud import Frame, PointCloud
+from slam.data.errors import InputError
+from slam.front_end import RingFrontEnd
+
+
+@pytest.fixture
+def frame() -> Frame:
+    """Two points a ring, top to bottom, all fields filled."""
+    rng, count = np.random.default_rng(0), 128
+    cloud = PointCloud(
+        xyz=rng.uniform(-20, 20, (count, 3)),
+        intensity=rng.random(count),
+        ring=np.repeat(np.arange(64), 2),
+        time=rng.random(count),
+    )
+    return Frame(index=0, stamp=0.0, cloud=cloud)
+
+
+def test_64_is_the_scan_as_recorded(frame: Frame) -> None:
+    assert RingFrontEnd(FrontEndSettings(input="64"))(frame, []) is frame.cloud
+
+
+@pytest.mark.parametrize("phase", [0, 1, 2, 3])
+def test_16_keeps_every_fourth_ring_verbatim(frame: Frame, phase: int) -> None:
+    cloud = RingFrontEnd(FrontEndSettings(input="16", phase=phase))(frame, [])
+    assert cloud.ring is not None
+    assert np.unique(cloud.ring).tolist() == list(range(phase, 64, 4))
+    kept = np.isin(np.repeat(np.arange(64), 2), range(phase, 64, 4))
+    for name in ("xyz", "intensity", "ring", "time", "sigma", "measured"):
+        np.testing.assert_array_equal(getattr(cloud, name), getattr(frame.cloud, name)[kept], err_msg=name)
+
+
+def test_16_leaves_the_frame_as_it_was(frame: Frame) -> None:
+    before = frame.cloud.xyz.copy()
+    RingFrontEnd(FrontEndSettings(input="16"))(frame, [])
+    np.testing.assert_array_equal(frame.cloud.xyz, before)
+
+
+def test_other_patterns(frame: Frame) -> None:
+    vlp16 = RingFrontEnd(FrontEndSettings(input="16", drop="vlp16"))(frame, [])
+    assert vlp16.ring is not None
+    assert len(np.unique(vlp16.ring)) == 9
+    pooled = RingFrontEnd(FrontEndSettings(input="16", drop="average-pool"))(frame, [])
+    assert pooled.ring is not None
+    assert np.unique(pooled.ring).tolist() == list(range(16))
+
+
+def test_16_without_rings_is_refused(frame: Frame) -> None:
+    ringless = Frame(0, 0.0, PointCloud(frame.cloud.xyz, frame.cloud.intensity))
+    with pytest.raises(InputError, match="--sensor"):
+        RingFrontEnd(FrontEndSettings(input="16"))(ringless, [])
+    assert RingFrontEnd(FrontEndSettings(input="64"))(ringless, []) is ringless.cloud
