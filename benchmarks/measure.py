@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from time import perf_counter
 
 import numpy as np
-from systems import CHANNELS, SYSTEMS, System, build
+from names import CHANNELS, SYSTEMS
+from systems import System, build
 
 from slam.config import load_config
 from slam.data.cloud import Array, Frame, PointCloud

@@ -16,7 +16,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import workers  # nothing here may start numpy's, numba's or anyone's threads: see pin_to_one_core
+import workers  # none of these starts threads: see pin_to_one_core
+from names import SYSTEMS
 
 from slam.data.errors import InputError
 
@@ -42,20 +43,22 @@ def main() -> None:
 def benchmark(arguments: argparse.Namespace) -> None:
     """First what has a process of its own, then everything else on one core, then the report."""
     with tempfile.TemporaryDirectory() as folder:
-        dense_files = [_dense(path, arguments.frames, Path(folder) / f"{i}.npy") for i, path in _each(arguments)]
-        memories = [_memory(path, arguments.frames) for _, path in _each(arguments)]
+        alone = [_alone(path, arguments.frames, Path(folder) / f"{i}.npy") for i, path in enumerate(arguments.datasets)]
         pin_to_one_core()
 
+        from comparison import compare  # not before: these bring numpy, numba and the peers
+        from measure import UNCOUNTED
         from odometry_report import section
         from report import surroundings, write_section
 
         from eval.evaluation import write_json
 
-        about: dict[str, Any] = surroundings(PACKAGES) | {"command": _command(arguments), "repeats": arguments.repeats}
-        about["datasets"] = {}
+        about: dict[str, Any] = surroundings(PACKAGES) | {"command": _command(arguments), "datasets": {}}
+        about |= {"repeats": arguments.repeats, "uncounted": UNCOUNTED}
         results: dict[str, Any] = {}
-        for i, path in _each(arguments):
-            _drive(path, arguments, dense_files[i], memories[i], results, about)
+        for path, apart in zip(arguments.datasets, alone, strict=True):
+            name, entries, facts = compare(path, _slice(arguments.frames), arguments.repeats, *apart)
+            results[name], about["datasets"][name] = entries, facts
     write_json(arguments.json, {"about": about, **results})
     write_section(arguments.out, "odometry", section(results, about))
     print(f"wrote {arguments.out} and {arguments.json}")
@@ -67,60 +70,12 @@ def pin_to_one_core() -> None:
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
 
 
-def _drive(
-    path: Path,
-    arguments: argparse.Namespace,
-    dense_file: Path | None,
-    memory: dict[str, dict[str, float]],
-    results: dict[str, Any],
-    about: dict[str, Any],
-) -> None:
-    """Measure one data set and put it into `results` and `about`."""
-    import numpy as np
-    from figures import figures
-    from measure import UNCOUNTED, measure, warm_up
-    from systems import CHANNELS, REFERENCE, SYSTEMS
-
-    from eval.trajectory import path_length
-    from slam.data.dataset import open_dataset
-
-    dataset = open_dataset(path)
-    positions = np.arange(len(dataset))[_slice(arguments.frames)]
-    frames = [dataset[position] for position in positions]
-    truth = None if dataset.ground_truth is None else dataset.ground_truth[positions]
-    known = None if truth is None else truth[np.isfinite(truth[:, 0, 0])]
-    dense = None if dense_file is None else np.load(dense_file)
-    if not results:
-        warm_up(dataset, frames)
-    about["uncounted"] = UNCOUNTED
-    about["datasets"][dataset.name] = {
-        "frames": len(frames),
-        "truth_path_length_m": None if known is None else path_length(known),
-        "dense": dense is not None,
-    }
-    entries: dict[str, Any] = {name: {} for name in SYSTEMS}
-    for channels in CHANNELS:
-        runs = measure(dataset, frames, channels, arguments.repeats)
-        for name in SYSTEMS:
-            entries[name][channels] = figures(runs[name], runs[REFERENCE], truth, dense)
-    for name in SYSTEMS:
-        entries[name]["64"].update(memory[name])
-    results[dataset.name] = entries
-
-
-def _each(arguments: argparse.Namespace) -> list[tuple[int, Path]]:
-    return list(enumerate(arguments.datasets))
-
-
-def _dense(path: Path, frames: str, file: Path) -> Path | None:
-    print(f"{path.name}: dense yardstick", file=sys.stderr)
-    return file if workers.call(["--dense", str(file)], path, frames) is not None else None
-
-
-def _memory(path: Path, frames: str) -> dict[str, dict[str, float]]:
-    print(f"{path.name}: memory", file=sys.stderr)
-    printed = {name: workers.call(["--memory", name], path, frames) for name in workers.SYSTEMS}
-    return {name: json.loads(text) if text else {} for name, text in printed.items()}
+def _alone(path: Path, frames: str, dense: Path) -> tuple[Path | None, dict[str, dict[str, float]]]:
+    """The file of the dense trajectory, None where that failed, and the memory of each system, empty where it did."""
+    print(f"{path.name}: dense trajectory and memory, in processes of their own", file=sys.stderr)
+    done = workers.call(["--dense", str(dense)], path, frames) is not None
+    printed = {name: workers.call(["--memory", name], path, frames) for name in SYSTEMS}
+    return dense if done else None, {name: json.loads(text) if text else {} for name, text in printed.items()}
 
 
 def _arguments() -> argparse.Namespace:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from names import CHANNELS, REFERENCE, SYSTEMS
 from report import number, table
-from systems import CHANNELS, REFERENCE, SYSTEMS
 
 Results = dict[str, Any]  # [dataset][system][channels] -> figures, see figures.py
 

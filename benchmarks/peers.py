@@ -113,7 +113,9 @@ class PointToPlane(Peer):
         if self.target is not None:
             registration = o3d.pipelines.registration
             method = registration.TransformationEstimationPointToPlane()
-            pose = self.pose @ registration.registration_icp(cloud, self.target, 1.0, self.motion, method).transformation
+            pose = (
+                self.pose @ registration.registration_icp(cloud, self.target, 1.0, self.motion, method).transformation
+            )
         self.target = cloud
         return pose
 

@@ -5,16 +5,12 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
+from names import OURS
 
 from slam.config import Config, load_config
 from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset
 from slam.odometry import Odometry
-
-REFERENCE = "kiss-icp"  # what the others are held against
-PRESETS = {"ndt": None, "ndt-scan-to-scan": "scan-to-scan"}  # ours; the preset of the input comes on top
-SYSTEMS = (*PRESETS, REFERENCE, "vgicp", "gicp", "point-to-plane")
-CHANNELS = ("64", "16")
 
 
 class System(Protocol):
@@ -58,8 +54,8 @@ class Theirs:
 
 def build(name: str, channels: str, dataset: Dataset) -> System:
     """A fresh system of that name for `channels` of the data set's sensor."""
-    if name in PRESETS:
-        return Ours(load_config(PRESETS[name], input=channels), dataset)
+    if name in OURS:
+        return Ours(load_config(OURS[name], input=channels), dataset)
     return Theirs(name, dataset)
 
 

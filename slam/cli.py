@@ -139,7 +139,8 @@ def export(
     from slam.data.point_writer import write_points
     from slam.data.pose_files import kitti_text, read_poses, tum_text
 
-    T = _camera_from_lidar(folder) if frame is Axes.CAMERA else np.eye(4)
+    report = read_report(folder)
+    T = _camera_from_lidar(report, folder) if frame is Axes.CAMERA else np.eye(4)
     kind = format or _format_of(out)
     if kind in (Format.KITTI, Format.TUM):
         stamps, poses = read_poses(folder / "trajectory_tum.txt")
@@ -148,7 +149,8 @@ def export(
     else:
         points = read_points(folder / "map.pcd")
         intensity = np.zeros(len(points.xyz)) if points.intensity is None else points.intensity
-        write_points(out.with_suffix(f".{kind.value}"), PointCloud(points.xyz, intensity).transformed(T))
+        out = out.with_suffix(f".{kind.value}")
+        write_points(out, PointCloud(points.xyz, intensity).transformed(T))
     print(f"Written to {out}")
 
 
@@ -220,8 +222,8 @@ def _report_problems(result: Run) -> None:
         messages.print(f"Note: {kind}: {found[0]}{more}", style="yellow", markup=False)
 
 
-def _camera_from_lidar(folder: Path) -> Array:
-    T = read_report(folder)["T_camera0_lidar"]
+def _camera_from_lidar(report: dict[str, Any], folder: Path) -> Array:
+    T = report["T_camera0_lidar"]
     if T is None:
         raise InputError(f"{folder}: the run had no calibration of a camera 0; export with --frame lidar")
     return np.array(T)

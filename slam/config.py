@@ -64,6 +64,7 @@ class MapSettings(Settings):
     """The global map."""
 
     voxel_size: float = Field(0.2, gt=0)  # m: one averaged point a voxel
+    min_range: float = Field(2.5, ge=0)  # m; nearer is the car itself, which would leave a trail
     max_range: float = Field(60.0, gt=0)  # m; further points are sparse and less exact
 
 

@@ -26,8 +26,9 @@ class GlobalMap:
         """Add a scan: deskewed points in the sensor's frame, seen from `pose` (4, 4), T_world_lidar."""
         if self._count + len(cloud) > len(self._sums):
             self._reserve(2 * (self._count + len(cloud)))
+        settings = self.settings
         self._count = kernels.average_into(
-            cloud.xyz, cloud.intensity, pose, self.settings.voxel_size, self.settings.max_range,
+            cloud.xyz, cloud.intensity, pose, settings.voxel_size, settings.min_range, settings.max_range,
             self._keys, self._slots, self._sums, self._cell_keys, self._count,
         )  # fmt: skip
 

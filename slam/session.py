@@ -30,7 +30,8 @@ def save_run(run: Run, folder: str | Path) -> Path:
         write_text(folder / f"{name}_tum.txt", tum_text(run.stamps, run.poses))
     _write_ground_truth(run, folder)
     write_text(folder / "timings.csv", _timings_csv(run))
-    write_points(folder / "map.pcd", run.map.points())
+    if len(run.map):
+        write_points(folder / "map.pcd", run.map.points())
     write_text(folder / "run.json", json.dumps(_report(run), indent=2) + "\n")
     return folder
 

@@ -12,9 +12,14 @@ from slam.data.errors import InputError
 
 
 def write_points(path: Path, cloud: PointCloud) -> None:
-    """Write x y z intensity, and the colour where there is one, as binary .pcd or .ply."""
+    """Write x y z intensity, and the colour where there is one, as binary .pcd or .ply.
+
+    Raises InputError on another suffix, on an empty cloud (neither format has one) and where writing fails.
+    """
     if path.suffix.lower() not in (".pcd", ".ply"):
         raise InputError(f"{path}: clouds are written as .pcd or .ply")
+    if len(cloud) == 0:
+        raise InputError(f"{path}: no points to write; were all scans empty?")
     import open3d as o3d  # a second of import, at the end of a run only
 
     points = o3d.t.geometry.PointCloud(o3d.core.Tensor.from_numpy(cloud.xyz))

@@ -288,8 +288,8 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
 
 
 @njit(cache=True, nogil=True)
-def average_into(xyz, intensity, pose, size, max_range, keys, slots, sums, cell_keys, count):
-    """Add points (N, 3) within `max_range`, moved by `pose` (4, 4), to the averages of their cells.
+def average_into(xyz, intensity, pose, size, min_range, max_range, keys, slots, sums, cell_keys, count):
+    """Add points (N, 3) between the two ranges, moved by `pose` (4, 4), to the averages of their cells.
 
     sums (C, 5) float32: points, offsets from the cell's corner (3), intensity. Returns the new number of cells.
     """
@@ -297,7 +297,7 @@ def average_into(xyz, intensity, pose, size, max_range, keys, slots, sums, cell_
     last_key, cell = EMPTY, 0
     for i in range(len(xyz)):
         px, py, pz = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
-        if not px * px + py * py + pz * pz <= max_range * max_range:
+        if not min_range * min_range <= px * px + py * py + pz * pz <= max_range * max_range:
             continue
         x = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * pz + pose[0, 3]
         y = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * pz + pose[1, 3]

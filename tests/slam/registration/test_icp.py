@@ -24,7 +24,7 @@ def icp_of(xyz: Array, planes: bool, iterations: int = 40) -> IcpTarget:
     return target
 
 
-@pytest.mark.parametrize(("planes", "metres", "degrees"), [(True, 0.02, 0.1), (False, 0.05, 0.3)])
+@pytest.mark.parametrize(("planes", "metres", "degrees"), [(True, 0.02, 0.1), (False, 0.05, 0.5)])
 @pytest.mark.parametrize(
     "motion", [[0.02, -0.01, 0.04, 0.2, -0.15, 0.05], [0, 0, -0.05, -0.2, 0.2, 0], [0, 0, 0, 0.3, 0, 0.0]]
 )

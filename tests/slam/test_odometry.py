@@ -1,0 +1,315 @@
+"""Odometry through a synthetic street and through real drives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slam.config import OdometrySettings, load_config
+from slam.data import se3
+from slam.data.cloud import Array, PointCloud
+from slam.data.dataset import Dataset, open_dataset
+from slam.odometry import Odometry, OdometryStep
+
+RealData = Callable[[str], Path]
+
+SPEED = 1.4  # m a frame
+HEADING = 0.01  # rad a frame
+
+
+# ---- a street: ground, house fronts at varying distance, parked cars and poles
+
+
+def street() -> tuple[Array, Array, Array]:
+    """Corners, and two edges of each rectangle, all (F, 3)."""
+    rng, faces = np.random.default_rng(42), [([-60, -30, -1.7], [180, 0, 0], [0, 60, 0])]
+    for side in (-1, 1):
+        x = -60.0
+        while x < 120:
+            width, depth = rng.uniform(5, 12), side * rng.uniform(8, 12)
+            faces.append(([x, depth, -1.7], [width, 0, 0], [0, 0, 7]))
+            faces.append(([x, depth, -1.7], [0, side * 4, 0], [0, 0, 7]))
+            x += width
+        for x in rng.uniform(-60, 120, 25):
+            y, (a, b, c) = side * rng.uniform(4, 7), rng.uniform([0.3, 0.3, 1], [4, 1.6, 3])
+            for corner, u, v in (
+                ([x, y, -1.7], [a, 0, 0], [0, 0, c]),
+                ([x, y + b, -1.7], [a, 0, 0], [0, 0, c]),
+                ([x, y, -1.7], [0, b, 0], [0, 0, c]),
+                ([x + a, y, -1.7], [0, b, 0], [0, 0, c]),
+            ):
+                faces.append((corner, u, v))
+    corners, u, v = (np.array(column, float) for column in zip(*faces, strict=True))
+    return corners, u, v
+
+
+STREET = street()
+
+
+def scan(pose: Array, seed: int, density: float = 6.0, reach: float = 35.0) -> PointCloud:
+    """The street from `pose`, sampled anew, with 1 cm noise."""
+    rng, (corner, u, v) = np.random.default_rng(seed), STREET
+    count = (density * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)).astype(int)
+    face = np.repeat(np.arange(len(corner)), count)
+    a, b = rng.random((2, len(face), 1))
+    xyz = corner[face] + a * u[face] + b * v[face] - pose[:3, 3]
+    xyz = xyz[np.linalg.norm(xyz, axis=1) < reach]
+    xyz = (xyz + rng.normal(0, 0.01, xyz.shape)) @ pose[:3, :3]
+    return PointCloud(xyz, np.ones(len(xyz)))
+
+
+def noise(seed: int) -> PointCloud:
+    xyz = np.random.default_rng(seed).uniform([-30, -30, -2], [30, 30, 8], (20_000, 3))
+    return PointCloud(xyz, np.ones(len(xyz)))
+
+
+EMPTY = PointCloud(np.zeros((0, 3)), np.zeros(0))
+
+
+def drive(frames: int, speed: float = SPEED) -> Array:
+    """True poses (N, 4, 4), a gentle bend at constant speed."""
+    step = se3.exp(np.array([0, 0, HEADING, speed, 0, 0]))
+    poses = [np.eye(4)]
+    for _ in range(frames - 1):
+        poses.append(poses[-1] @ step)
+    return np.array(poses)
+
+
+def error(step: OdometryStep, truth: Array) -> float:
+    return float(np.linalg.norm(step.pose[:3, 3] - truth[:3, 3]))
+
+
+def settings(**values: object) -> OdometrySettings:
+    return OdometrySettings.model_validate({"voxel_size": 0.8, **values})
+
+
+def drive_with(odometry: Odometry, truth: Array, instead: dict[int, PointCloud] | None = None) -> list[OdometryStep]:
+    clouds = instead or {}
+    return [odometry.register(clouds.get(i, scan(T, i)), 0.1 * i) for i, T in enumerate(truth)]
+
+
+@pytest.fixture(scope="module")
+def steps() -> list[OdometryStep]:
+    return drive_with(Odometry(settings()), drive(20))
+
+
+def test_a_drive_at_constant_speed_is_tracked(steps: list[OdometryStep]) -> None:
+    """From the first frame on, with no speed known, 1.4 m a frame."""
+    assert [step.status for step in steps] == ["registered"] * 20
+    for step, truth in zip(steps, drive(20), strict=True):
+        assert error(step, truth) < 0.05
+        assert np.rad2deg(se3.angle(se3.inverse(truth) @ step.pose)) < 0.2
+
+
+def test_the_first_scan_is_the_origin(steps: list[OdometryStep]) -> None:
+    np.testing.assert_array_equal(steps[0].pose, np.eye(4))
+    assert steps[0].registration is None
+    assert all(step.registration is not None for step in steps[1:])
+
+
+def test_covariance_of_good_scans_is_small_and_positive(steps: list[OdometryStep]) -> None:
+    for step in steps[1:]:
+        assert np.linalg.eigvalsh(step.covariance)[0] > 0
+        assert np.sqrt(np.diag(step.covariance)[3:]).max() < 0.1
+
+
+def test_the_velocity_is_predicted() -> None:
+    odometry = Odometry(settings())
+    truth = drive(8)
+    drive_with(odometry, truth[:6])
+    assert np.linalg.norm(odometry.predict(0.6)[:3, 3] - truth[6, :3, 3]) < 0.1
+    assert np.linalg.norm(odometry.predict(0.7)[:3, 3] - truth[7, :3, 3]) < 0.2
+
+
+@pytest.mark.parametrize("bad", ["empty", "noise", "few", "nan"])
+def test_a_bad_scan_keeps_the_prediction(bad: str) -> None:
+    truth, odometry = drive(14), Odometry(settings())
+    nan = PointCloud(np.full((500, 3), np.nan), np.ones(500))
+    cloud = {"empty": EMPTY, "noise": noise(0), "few": noise(0).select(np.arange(20)), "nan": nan}[bad]
+    drive_with(odometry, truth[:8])
+    predicted, size = odometry.predict(0.8), len(odometry.target)
+    step = odometry.register(cloud, 0.8)
+    assert step.status == "failed"
+    np.testing.assert_allclose(step.pose, predicted)
+    assert np.sqrt(np.diag(step.covariance)[3:]).min() >= 1.0
+    assert len(odometry.target) == size  # nothing of it is in the map
+    for i in range(9, 14):
+        step = odometry.register(scan(truth[i], i), 0.1 * i)
+        assert step.status != "failed"
+        assert error(step, truth[i]) < 0.05
+
+
+def test_a_bad_first_scan_is_survived() -> None:
+    truth, odometry = drive(6), Odometry(settings())
+    assert odometry.register(EMPTY, -0.1).status == "failed"
+    found = drive_with(odometry, truth)
+    assert [step.status for step in found] == ["registered"] * 6
+    assert error(found[-1], truth[-1]) < 0.05
+
+
+@pytest.mark.parametrize("preset", ["channels-64", "icp", "scan-to-scan"])
+def test_many_empty_scans_in_a_row_are_survived(preset: str) -> None:
+    """So many that the map starts anew: every scan gets an answer, and the drive afterwards is tracked."""
+    truth, odometry = drive(24), Odometry(load_config(preset).odometry)
+    found = drive_with(odometry, truth, dict.fromkeys(range(8, 16), EMPTY))
+    assert [step.status for step in found[8:16]] == ["failed"] * 8
+    assert all(step.status != "failed" for step in found[18:])
+    moved, true = (se3.inverse(a) @ b for a, b in ((found[18].pose, found[23].pose), (truth[18], truth[23])))
+    assert np.linalg.norm(moved[:3, 3] - true[:3, 3]) < 0.5
+
+
+def test_the_first_scan_after_being_lost_is_no_certain_pose() -> None:
+    truth, odometry = drive(17), Odometry(settings())
+    step = drive_with(odometry, truth, dict.fromkeys(range(8, 16), EMPTY))[-1]
+    assert np.sqrt(np.diag(step.covariance)[3:]).min() >= 0.01
+
+
+def test_a_lasting_change_of_scene_starts_a_new_map() -> None:
+    """Carried elsewhere: after some failures the new place is tracked, from where the sensor is thought to be."""
+    odometry = Odometry(settings())
+    drive_with(odometry, drive(6))
+    elsewhere = se3.exp(np.array([0, 0, 1.0, 70, 0, 0]))
+    path = [elsewhere @ T for T in drive(14, speed=0.5)]
+    found = [odometry.register(scan(T, 100 + i), 0.6 + 0.1 * i) for i, T in enumerate(path)]
+    assert "failed" in [step.status for step in found]
+    assert all(step.status != "failed" for step in found[-4:])
+    moved = se3.inverse(found[-4].pose) @ found[-1].pose
+    true = se3.inverse(path[-4]) @ path[-1]
+    assert np.linalg.norm(moved[:3, 3] - true[:3, 3]) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("values", "metres"),
+    [
+        ({"registration": "icp-point-to-plane", "target": "scan"}, 0.5),
+        ({"registration": "icp-point-to-point", "target": "scan"}, 4.0),
+        ({"target": "scan", "cell_sizes": (4.0, 2.0, 1.0), "neighbours": 7, "voxel_size": 0.5}, 0.5),
+        ({"neighbours": 7}, 0.1),
+        ({"cell_sizes": (1.0,)}, 0.1),
+    ],
+)
+def test_other_settings_run(values: dict[str, object], metres: float) -> None:
+    truth = drive(10, speed=0.7)
+    found = drive_with(Odometry(settings(**values)), truth)
+    assert all(step.status != "failed" for step in found)
+    assert error(found[-1], truth[-1]) < metres
+
+
+@pytest.mark.parametrize("stamps", [lambda i: 0.0, lambda i: -0.1 * i, lambda i: 0.1 * (i if i < 5 else i - 5)])
+def test_stamps_that_make_no_sense_do_not_matter(stamps: Callable[[int], float]) -> None:
+    truth, odometry = drive(10), Odometry(settings())
+    found = [odometry.register(scan(T, i), stamps(i)) for i, T in enumerate(truth)]
+    assert all(step.status != "failed" for step in found)
+    assert all(np.isfinite(step.pose).all() for step in found)
+    assert error(found[-1], truth[-1]) < 0.05
+
+
+def test_the_cloud_is_deskewed_and_raised() -> None:
+    odometry = Odometry(settings(), vertical_correction=0.01)
+    cloud = scan(np.eye(4), 0)
+    step = odometry.register(cloud, 0.0)
+    elevation = [np.arctan2(c.xyz[:, 2], np.hypot(c.xyz[:, 0], c.xyz[:, 1])) for c in (cloud, step.cloud)]
+    np.testing.assert_allclose(elevation[1] - elevation[0], 0.01, atol=1e-4)
+
+
+def test_a_scan_bent_by_motion_is_straightened() -> None:
+    """Each point as seen while the car went on: the whole drive at 1.4 m a frame is tracked as if it had stood."""
+    truth, odometry = drive(12), Odometry(settings(), sweep_duration=0.1)
+    motion, found = np.array([0, 0, HEADING, SPEED, 0, 0]), []
+    for i, T in enumerate(truth):
+        still = scan(T, i)
+        time = np.random.default_rng(i).random(len(still))
+        slots = np.linspace(0, 1, 41)
+        slot = np.digitize(time, slots) - 1
+        xyz = np.empty_like(still.xyz)
+        for k in range(40):
+            middle = (slots[k] + slots[k + 1]) / 2
+            back = se3.exp(-(middle - 0.5) * motion)  # the sensor stands at T in the middle of the sweep
+            xyz[slot == k] = still.xyz[slot == k] @ back[:3, :3].T + back[:3, 3]
+        found.append(odometry.register(PointCloud(xyz, still.intensity, time=time), 0.1 * i))
+    assert all(step.status != "failed" for step in found)
+    moved, true = (se3.inverse(a) @ b for a, b in ((found[3].pose, found[-1].pose), (truth[3], truth[-1])))
+    assert np.linalg.norm(moved[:3, 3] - true[:3, 3]) < 0.1
+
+
+# ---- real drives
+
+
+def odometry_for(dataset: Dataset) -> Odometry:
+    assert dataset.sensor is not None
+    return Odometry(
+        load_config(input="64").odometry,
+        sweep_duration=float(np.median(np.diff(dataset.stamps))),
+        vertical_correction=dataset.sensor.vertical_correction,
+    )
+
+
+def through(dataset: Dataset, frames: Iterable[int]) -> list[OdometryStep]:
+    odometry = odometry_for(dataset)
+    return [odometry.register((frame := dataset[i]).cloud, frame.stamp) for i in frames]
+
+
+def path_length(poses: Array) -> float:
+    return float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum())
+
+
+def poses_of(found: list[OdometryStep]) -> Array:
+    return np.array([step.pose for step in found])
+
+
+@pytest.mark.parametrize("every", [1, 2, 3])
+@pytest.mark.parametrize("name", ["kitti_odometry_04", "kitti_raw_0013"])
+def test_real_drives_are_tracked_with_frames_left_out(real_data: RealData, name: str, every: int) -> None:
+    dataset = open_dataset(real_data(name))
+    assert dataset.ground_truth is not None
+    frames = range(0, len(dataset), every)
+    found = through(dataset, frames)
+    assert "failed" not in [step.status for step in found]
+    truth = dataset.ground_truth[list(frames)]
+    assert path_length(poses_of(found)) == pytest.approx(path_length(truth), rel=0.015)
+    assert error(found[-1], truth[-1]) < 0.015 * path_length(truth)
+
+
+def test_ten_missing_frames_are_survived(real_data: RealData) -> None:
+    dataset = open_dataset(real_data("kitti_raw_0013"))
+    frames = [i for i in range(61) if not 25 <= i < 35]
+    whole, found = poses_of(through(dataset, range(61))), through(dataset, frames)
+    assert "failed" not in [step.status for step in found]
+    distance = np.linalg.norm(poses_of(found)[:, :3, 3] - whole[frames, :3, 3], axis=1)
+    assert distance.max() < 0.15  # 12 m of way without a scan cost no more than that
+
+
+def test_a_standing_car_stays_where_it_is(real_data: RealData) -> None:
+    dataset = open_dataset(real_data("kitti_raw_0013"))
+    frame, odometry, rng = dataset[0], odometry_for(dataset), np.random.default_rng(0)
+    sizes = []
+    for i in range(100):
+        shaken = frame.cloud.xyz + rng.normal(0, 0.02, frame.cloud.xyz.shape)
+        step = odometry.register(frame.cloud.with_xyz(shaken), 0.1 * i)
+        assert step.status == "registered"
+        assert np.linalg.norm(step.pose[:3, 3]) < 0.02
+        sizes.append(len(odometry.target))
+    assert np.rad2deg(se3.angle(step.pose)) < 0.02
+    assert sizes[-1] < 1.5 * sizes[0]  # the noise reaches a few cells more
+
+
+def test_the_map_is_bounded(real_data: RealData) -> None:
+    """The cells within 100 m, however long the way: 25,600 at most on this drive of 173 m."""
+    dataset = open_dataset(real_data("kitti_raw_0013"))
+    odometry, sizes = odometry_for(dataset), []
+    for i in range(len(dataset)):
+        odometry.register(dataset[i].cloud, float(dataset.stamps[i]))
+        sizes.append(len(odometry.target))
+    assert max(sizes) < 30_000
+    assert sizes[-1] < 1.1 * max(sizes[60:90])  # it no longer grows
+
+
+@pytest.mark.parametrize("name", ["kitti_odometry_04", "kitti_raw_0013"])
+def test_two_runs_are_the_same_bit_for_bit(real_data: RealData, name: str) -> None:
+    dataset = open_dataset(real_data(name))
+    first, second = (through(dataset, range(15)) for _ in range(2))
+    np.testing.assert_array_equal(poses_of(first), poses_of(second))
+    np.testing.assert_array_equal([s.covariance for s in first], [s.covariance for s in second])
