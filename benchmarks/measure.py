@@ -47,9 +47,9 @@ class Run:
         self.failed_frames = system.failed_frames
 
 
-def front_end(frames: Sequence[Frame], channels: str) -> list[Scan]:
+def front_end(dataset: Dataset, frames: Sequence[Frame], channels: str) -> list[Scan]:
     """The clouds that all systems are fed, with their stamps [s]."""
-    rings = RingFrontEnd(load_config(input=channels).front_end)
+    rings = RingFrontEnd(load_config(input=channels).front_end, dataset.sensor)
     return [(rings(frame, ()), frame.stamp) for frame in frames]
 
 
@@ -67,12 +67,14 @@ def alternate(systems: Mapping[str, System], scans: Sequence[Scan]) -> dict[str,
 def warm_up(dataset: Dataset, frames: Sequence[Frame]) -> None:
     """Compile and import everything that is done lazily."""
     for channels in CHANNELS:
-        alternate({name: build(name, channels, dataset) for name in SYSTEMS}, front_end(frames[:WARM_UP], channels))
+        alternate(
+            {name: build(name, channels, dataset) for name in SYSTEMS}, front_end(dataset, frames[:WARM_UP], channels)
+        )
 
 
 def measure(dataset: Dataset, frames: Sequence[Frame], channels: str, repeats: int) -> dict[str, list[Run]]:
     """By system its runs, each repeat with fresh systems."""
-    scans = front_end(frames, channels)
+    scans = front_end(dataset, frames, channels)
     runs: dict[str, list[Run]] = {name: [] for name in SYSTEMS}
     for repeat in range(repeats):
         start = perf_counter()

@@ -18,6 +18,7 @@ from typing import Any
 
 import workers  # none of these starts threads: see pin_to_one_core
 from names import SYSTEMS
+from report import surroundings, write_section
 
 from slam.data.errors import InputError
 
@@ -42,6 +43,8 @@ def main() -> None:
 
 def benchmark(arguments: argparse.Namespace) -> None:
     """First what has a process of its own, then everything else on one core, then the report."""
+    about: dict[str, Any] = surroundings(PACKAGES) | {"command": _command(arguments), "datasets": {}}
+    results: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder:
         alone = [_alone(path, arguments.frames, Path(folder) / f"{i}.npy") for i, path in enumerate(arguments.datasets)]
         pin_to_one_core()
@@ -49,13 +52,10 @@ def benchmark(arguments: argparse.Namespace) -> None:
         from comparison import compare  # not before: these bring numpy, numba and the peers
         from measure import UNCOUNTED
         from odometry_report import section
-        from report import surroundings, write_section
 
         from eval.evaluation import write_json
 
-        about: dict[str, Any] = surroundings(PACKAGES) | {"command": _command(arguments), "datasets": {}}
         about |= {"repeats": arguments.repeats, "uncounted": UNCOUNTED}
-        results: dict[str, Any] = {}
         for path, apart in zip(arguments.datasets, alone, strict=True):
             name, entries, facts = compare(path, _slice(arguments.frames), arguments.repeats, *apart)
             results[name], about["datasets"][name] = entries, facts
@@ -83,7 +83,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("datasets", nargs="+", type=_folder, metavar="DATASET", help="folder of a drive")
     parser.add_argument("--json", type=Path, default=HERE / "odometry.json", metavar="FILE")
     parser.add_argument("--out", type=Path, default=HERE / "RESULTS.md", metavar="FILE")
-    parser.add_argument("--frames", default=":", metavar="A:B", help="only these, as in Python's slices")
+    parser.add_argument("--frames", type=_frames, default=":", metavar="A:B", help="only these, as in Python's slices")
     parser.add_argument("--repeats", type=int, default=3, metavar="N")
     parser.add_argument("--memory", metavar="SYSTEM", help=argparse.SUPPRESS)
     parser.add_argument("--dense", type=Path, metavar="FILE", help=argparse.SUPPRESS)
@@ -96,8 +96,16 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
+def _frames(text: str) -> str:
+    try:
+        _slice(text)
+    except (ValueError, TypeError) as error:
+        raise argparse.ArgumentTypeError(f"{text}: write A:B, as in 0:50") from error
+    return text
+
+
 def _slice(text: str) -> slice:
-    return slice(*(int(part) if part else None for part in text.split(":")))
+    return slice(*(int(part) if part else None for part in text.split(":", 1)))
 
 
 def _command(arguments: argparse.Namespace) -> str:

@@ -16,7 +16,7 @@ PROTOCOL = """\
   vertical correction. `ndt` has the default configuration for its input, `ndt-scan-to-scan` the preset; the others
   have their authors' settings (peers.py), the same at 64 and at 16 channels.
 * Scan by scan the systems take turns in one process, pinned to one core, one thread each; who begins changes from scan
-  to scan. {repeats} repeats with fresh systems. Time is from point cloud to pose, deskewing and update of the map
+  to scan. Repeats, with fresh systems: {repeats}. Time is from point cloud to pose, deskewing and update of the map
   included, disk not; compilation is over and the first {uncounted} frames do not count.
 * Median and 95th percentile are over all counted scans; frames/s is their number by their total time. "x KISS-ICP" is
   KISS-ICP's median by the system's (in brackets: least and most of the repeats): above 1 is faster.
@@ -38,7 +38,7 @@ def section(results: Results, about: dict[str, Any]) -> str:
         f"```\n{about['command']}\n```\n",
         PROTOCOL.format(**about),
         "### Targets\n",
-        table(("drive", "target", "ndt", "limit", ""), targets(results), words=2),
+        table(("drive", "target", "ndt", "limit", "verdict"), targets(results), words=2),
     ]
     for name, systems in results.items():
         facts = about["datasets"][name]
@@ -88,7 +88,7 @@ def _caption(facts: dict[str, Any], systems: Results) -> str:
         text += f", {facts['truth_path_length_m']:.1f} m by the ground truth"
     drift = next((entry["drift"] for s in systems.values() for entry in s.values() if entry.get("drift")), None)
     if drift:
-        text += f"; drift: {drift['name']}" + (f", {drift['segments']} segments" if drift["segments"] else "")
+        text += f"; drift: {drift['name']}" + (f", segments: {drift['segments']}" if drift["segments"] else "")
     return text + ("" if facts["dense"] else "; the dense yardstick failed") + ".\n"
 
 

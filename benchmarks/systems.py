@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
 from names import OURS
 
 from slam.config import Config, load_config
 from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset
 from slam.odometry import Odometry
+from slam.pipeline import sweep_duration
 
 
 class System(Protocol):
@@ -62,8 +62,3 @@ def build(name: str, channels: str, dataset: Dataset) -> System:
 def vertical_correction(dataset: Dataset) -> float:
     """Of the data set's sensor [rad]."""
     return dataset.sensor.vertical_correction if dataset.sensor else 0.0
-
-
-def sweep_duration(dataset: Dataset) -> float:
-    """The usual time from scan to scan [s]: the peers deskew by the motion of just that time."""
-    return float(np.median(np.diff(dataset.stamps))) if len(dataset) > 1 else 0.1

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from slam.data.errors import InputError
 
@@ -26,6 +26,11 @@ class FrontEndSettings(Settings):
     phase: int = Field(0, ge=0, le=3)  # of every-4th: the first ring that stays
     deskew: bool | None = None  # None: where the scans have times and are not motion-compensated already
     vertical_correction_deg: float | None = None  # None: the sensor's own (KITTI: 0.205)
+
+    @field_validator("input", mode="before")
+    @classmethod
+    def _as_text(cls, value: Any) -> Any:
+        return str(value) if isinstance(value, int) else value  # YAML reads a bare 16 as a number
 
 
 class OdometrySettings(Settings):
@@ -124,12 +129,15 @@ def _read(source: str | Path) -> dict[str, Any]:
 
 def _set(values: dict[str, Any], override: str) -> None:
     key, equals, text = override.partition("=")
-    *sections, leaf = key.split(".")
-    if not equals or not sections:
+    *sections, leaf = key.strip().split(".")
+    try:
+        for section in sections:
+            values = values.setdefault(section, {})
+        values[leaf] = yaml.safe_load(text)
+    except (yaml.YAMLError, AttributeError, TypeError) as error:
+        raise InputError(f"--set {override}: write section.key=value, as in odometry.voxel_size=1.0") from error
+    if not equals or not leaf:
         raise InputError(f"--set {override}: write section.key=value, as in odometry.voxel_size=1.0")
-    for section in sections:
-        values = values.setdefault(section, {})
-    values[leaf] = yaml.safe_load(text)
 
 
 def _check_keys(values: dict[str, Any], model: type[Settings], source: str, prefix: str) -> None:

@@ -64,15 +64,15 @@ class Odometry:
         self.target = _target(settings)
         self._thin = VoxelFilter(settings.map_voxel_size, settings.min_range, settings.max_range)
         self._thin_more = VoxelFilter(settings.voxel_size)
-        self._pose, self._velocity = np.eye(4), np.zeros(6)  # rad/s, m/s in the sensor's axes
-        self._stamp: float | None = None
+        self._pose, self._stamp = np.eye(4), float("nan")  # of the last scan that was registered
+        self._velocity = np.zeros(6)  # rad/s, m/s in the sensor's axes
         self._registered = self._failures = 0
-        self._squared_jumps: list[float] = []
+        self._jumps = self._squared_jumps = 0.0
         self._evicted_at = np.zeros(3)
 
     def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
         """Pose of the next scan: points as recorded, taken at `stamp` [s]."""
-        prediction, elapsed = self.predict(stamp), self._elapsed(stamp)
+        prediction = self.predict(stamp)
         scan = deskew(cloud, se3.exp(self._velocity * self.sweep_duration))
         scan = correct_vertical(scan, self.vertical_correction)
         map_points = self._thin(scan.xyz, _weights(scan))[:2]
@@ -83,24 +83,25 @@ class Odometry:
         elif len(self.target) == 0:
             step = OdometryStep(prediction, 1e-12 * np.eye(6), "registered", None, scan)
         else:
-            step = self._registered_step(points, prediction, scan, elapsed)
+            step = self._registered_step(points, prediction, scan, stamp)
 
-        self._follow(step, elapsed, stamp)
+        if step.status != "failed":
+            self._follow(step, stamp)
         self._remember(step, map_points)
         return step
 
     def predict(self, stamp: float) -> Array:
-        """Pose (4, 4) at `stamp` if the velocity stays as it was between the last two scans."""
+        """Pose (4, 4) at `stamp` if the velocity has stayed as it was at the last registered scan."""
         return self._pose @ se3.exp(self._velocity * self._elapsed(stamp))
 
     def _elapsed(self, stamp: float) -> float:
-        """Seconds since the last scan; one sweep where the stamps make no sense."""
-        forward = self._stamp is not None and stamp > self._stamp
-        return stamp - self._stamp if forward and self._stamp is not None else self.sweep_duration
+        """Seconds since the last registered scan; one sweep where the stamps make no sense."""
+        return stamp - self._stamp if stamp > self._stamp else self.sweep_duration
 
-    def _registered_step(self, points: Points, prediction: Array, scan: PointCloud, elapsed: float) -> OdometryStep:
+    def _registered_step(self, points: Points, prediction: Array, scan: PointCloud, stamp: float) -> OdometryStep:
         status: Literal["registered", "retried"] = "registered"
-        searching = self._registered < 2 or elapsed > GAP * self.sweep_duration
+        gap = self._failures > 0 or self._elapsed(stamp) > GAP * self.sweep_duration
+        searching = self._registered < 2 or gap
         found = self._search(points, prediction) if searching else self.target.align(*points, prediction)
         if not searching and not (self._sound(found) and self._jump(prediction, found.pose) < self._gate()):
             status, again = "retried", self._search(points, prediction)
@@ -135,25 +136,27 @@ class Odometry:
 
     def _gate(self) -> float:
         """Three times the usual jump (the adaptive threshold of KISS-ICP, Vizzo et al. 2023, eq. 8)."""
-        usual = np.sqrt(np.mean(self._squared_jumps)) if self._squared_jumps else np.inf
+        usual = np.sqrt(self._squared_jumps / self._jumps) if self._jumps else np.inf
         return max(3 * float(usual), self.settings.min_gate)
 
     def _kept(self, prediction: Array, scan: PointCloud, found: RegistrationResult | None = None) -> OdometryStep:
         return OdometryStep(prediction, np.diag(FAILED_SIGMA**2), "failed", found, scan)
 
-    def _follow(self, step: OdometryStep, elapsed: float, stamp: float) -> None:
-        """Velocity [rad/s, m/s] and usual jump after this scan."""
-        if step.status != "failed":
-            if self._registered > 1:
-                self._squared_jumps.append(self._jump(self.predict(stamp), step.pose) ** 2)
-            self._velocity = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose)) / elapsed
-            self._registered += 1
+    def _follow(self, step: OdometryStep, stamp: float) -> None:
+        """Velocity and usual jump after a registered scan, over the time since the last one."""
+        if self._registered > 1:
+            self._jumps += 1
+            self._squared_jumps += self._jump(self.predict(stamp), step.pose) ** 2
+        motion = se3.normalized(se3.inverse(self._pose) @ step.pose)
+        if self._registered:
+            self._velocity = se3.log(motion) / self._elapsed(stamp)
         self._pose, self._stamp = step.pose, stamp
+        self._registered += 1
 
     def _remember(self, step: OdometryStep, points: Points) -> None:
-        """Put the scan into the map, or start a new one, and forget what lies behind."""
+        """Put the scan into the map, or start a new one after too many failures; forget what lies behind."""
         self._failures = self._failures + 1 if step.status == "failed" else 0
-        lost = self._failures >= LOST_AFTER
+        lost = self._failures >= LOST_AFTER and len(points[0]) >= MIN_POINTS
         if step.status == "failed" and not lost:
             return
         if lost or self.settings.target == "scan":
@@ -170,7 +173,7 @@ Points = tuple[Array, Array]  # xyz (N, 3) and weights (N,), float32
 
 def _weights(scan: PointCloud) -> Array:
     """1 for a measured point, less for one whose range is less certain."""
-    return (np.float32(MEASURED_SIGMA) / np.maximum(scan.sigma, np.float32(MEASURED_SIGMA))) ** 2
+    return np.maximum(np.float32(MEASURED_SIGMA) / np.maximum(scan.sigma, np.float32(MEASURED_SIGMA)), 1e-3) ** 2
 
 
 def _target(settings: OdometrySettings) -> Target:

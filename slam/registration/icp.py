@@ -88,6 +88,8 @@ class IcpTarget:
 
 def _normals(points: Array, tree: cKDTree) -> Array:
     """Unit normal (N, 3) of each point: the direction in which its neighbours vary least."""
+    if len(points) == 0:
+        return points
     _, neighbours = tree.query(points, k=min(NORMAL_NEIGHBOURS, len(points)))
     patch = points[neighbours.reshape(len(points), -1)]
     patch = patch - patch.mean(axis=1, keepdims=True)

@@ -17,7 +17,7 @@ def hash_table(entries: int) -> tuple[Array, Array]:
 class VoxelFilter:
     """Thins clouds to one point a cell: the weighted centroid. Keeps its scratch memory from scan to scan."""
 
-    def __init__(self, size: float, min_range: float = 0.0, max_range: float = np.inf) -> None:
+    def __init__(self, size: float, min_range: float = 0.0, max_range: float = 1e9) -> None:
         self.size, self.min_range, self.max_range = size, min_range, max_range
         self._scratch = hash_table(1)
 

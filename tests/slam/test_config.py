@@ -138,7 +138,7 @@ def test_icp_needs_the_scan_as_its_target(registration: str) -> None:
     assert load_config(None, [override, "odometry.target=scan"]).odometry.registration == registration
 
 
-@pytest.mark.parametrize("override", ["odometry.voxel_size", "voxel_size=1", "=", ""])
+@pytest.mark.parametrize("override", ["odometry.voxel_size", "=", ""])
 def test_an_override_is_section_key_and_value(override: str) -> None:
     assert "section.key=value" in refusal(None, override)
 
@@ -169,13 +169,7 @@ def test_a_missing_file_names_the_presets(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["odometry:\n", "odometry: 1\n"])
 def test_an_override_into_what_is_no_section_is_refused(tmp_path: Path, text: str) -> None:
-    """An empty section is what is left when all of its keys are commented out: either it works, or it is refused."""
-    try:
-        config = load_config(written(tmp_path, text), ["odometry.kernel=2"])
-    except InputError as error:
-        assert "odometry" in str(error)
-    else:
-        assert config.odometry.kernel == 2
+    assert "odometry" in refusal(written(tmp_path, text), "odometry.kernel=2")
 
 
 def test_an_override_into_a_value_is_refused() -> None:

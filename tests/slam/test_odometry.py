@@ -150,7 +150,14 @@ def test_a_bad_first_scan_is_survived() -> None:
     assert error(found[-1], truth[-1]) < 0.05
 
 
-@pytest.mark.parametrize("preset", ["channels-64", "icp", "scan-to-scan"])
+@pytest.mark.parametrize(
+    "preset",
+    [
+        "channels-64",
+        "scan-to-scan",
+        "icp",
+    ],
+)
 def test_many_empty_scans_in_a_row_are_survived(preset: str) -> None:
     """So many that the map starts anew: every scan gets an answer, and the drive afterwards is tracked."""
     truth, odometry = drive(24), Odometry(load_config(preset).odometry)
@@ -161,20 +168,30 @@ def test_many_empty_scans_in_a_row_are_survived(preset: str) -> None:
     assert np.linalg.norm(moved[:3, 3] - true[:3, 3]) < 0.5
 
 
-def test_the_first_scan_after_being_lost_is_no_certain_pose() -> None:
+def test_empty_scans_do_not_cost_the_map() -> None:
     truth, odometry = drive(17), Odometry(settings())
     step = drive_with(odometry, truth, dict.fromkeys(range(8, 16), EMPTY))[-1]
-    assert np.sqrt(np.diag(step.covariance)[3:]).min() >= 0.01
+    assert error(step, truth[-1]) < 0.1
 
 
-def test_a_lasting_change_of_scene_starts_a_new_map() -> None:
-    """Carried elsewhere: after some failures the new place is tracked, from where the sensor is thought to be."""
+def test_speeding_up_unseen_is_survived() -> None:
+    """Three empty scans during which the car gains 6 m/s: 1.8 m beside the prediction, within the search radius."""
+    odometry, x, errors = Odometry(settings()), 0.0, []
+    for i in range(22):
+        truth = np.eye(4)
+        truth[0, 3] = x
+        errors.append(error(odometry.register(EMPTY if 8 <= i < 11 else scan(truth, i), 0.1 * i), truth))
+        x += 1.0 if i < 8 else 1.6
+    assert max(errors[-5:]) < 0.3
+
+
+def test_a_lasting_change_of_scene_is_survived() -> None:
+    """Carried elsewhere: before long the new place is tracked, from where the sensor is thought to be."""
     odometry = Odometry(settings())
     drive_with(odometry, drive(6))
     elsewhere = se3.exp(np.array([0, 0, 1.0, 70, 0, 0]))
     path = [elsewhere @ T for T in drive(14, speed=0.5)]
     found = [odometry.register(scan(T, 100 + i), 0.6 + 0.1 * i) for i, T in enumerate(path)]
-    assert "failed" in [step.status for step in found]
     assert all(step.status != "failed" for step in found[-4:])
     moved = se3.inverse(found[-4].pose) @ found[-1].pose
     true = se3.inverse(path[-4]) @ path[-1]
@@ -198,7 +215,7 @@ def test_other_settings_run(values: dict[str, object], metres: float) -> None:
     assert error(found[-1], truth[-1]) < metres
 
 
-@pytest.mark.parametrize("stamps", [lambda i: 0.0, lambda i: -0.1 * i, lambda i: 0.1 * (i if i < 5 else i - 5)])
+@pytest.mark.parametrize("stamps", [lambda i: 0.0 * i, lambda i: -0.1 * i, lambda i: 0.1 * (i if i < 5 else i - 5)])
 def test_stamps_that_make_no_sense_do_not_matter(stamps: Callable[[int], float]) -> None:
     truth, odometry = drive(10), Odometry(settings())
     found = [odometry.register(scan(T, i), stamps(i)) for i, T in enumerate(truth)]

@@ -81,9 +81,7 @@ def test_rows_of_the_clock_count_scans_or_frames(drive: Path, rows: list[int]) -
     assert dataset.stamps == pytest.approx([0, 0.1, 0.4, 0.5])
     assert dataset.ground_truth is not None
     assert dataset.ground_truth[:, 0, 3] == pytest.approx([0, 1, 4, 5], abs=1e-3)
-    assert [problem.message.rpartition(": ")[2] for problem in dataset.problems] == [
-        "2-3 (2 in all); the rest is used"
-    ]
+    assert [problem.message.rpartition(": ")[2] for problem in dataset.problems] == ["2-3 (2 in all); the rest is used"]
 
 
 @pytest.mark.parametrize(

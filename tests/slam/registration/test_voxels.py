@@ -105,7 +105,7 @@ def test_filter_agrees_with_numpy(seed: int, count: int, size: float) -> None:
 @pytest.mark.parametrize("offset", [0.0, 10_000.0, -10_000.0])
 def test_mean_and_covariance_agree_with_numpy(offset: float) -> None:
     rng = np.random.default_rng(3)
-    local = (rng.normal(5, [0.8, 0.3, 0.05], (300, 3)) @ se3.exp(np.array([0.3, 0.2, 0.4, 0, 0, 0]))[:3, :3].T + 0.0)
+    local = rng.normal(5, [0.8, 0.3, 0.05], (300, 3)) @ se3.exp(np.array([0.3, 0.2, 0.4, 0, 0, 0]))[:3, :3].T + 0.0
     local = np.clip(local - local.mean(axis=0) + 5, 0.5, 9.5).astype(np.float32)
     cells = VoxelGaussians(10.0, 3, 10_000, floor=0.0)
     for part in np.array_split(local, 7):  # scan by scan
@@ -218,7 +218,7 @@ def test_evict_bounds_the_number_of_cells() -> None:
 
 def test_evict_keeps_what_is_near() -> None:
     rng = np.random.default_rng(12)
-    near, far = rng.uniform(0.1, 0.9, (30, 3)), rng.uniform(0.1, 0.9, (30, 3)) + [30, 0, 0]
+    near, far = rng.uniform(0.1, 0.9, (30, 3)), rng.uniform([30.1, 0.1, 0.1], [30.9, 0.9, 0.9], (30, 3))
     xyz = np.concatenate([far, near]).astype(np.float32)
     cells = VoxelGaussians(1.0, 5, 1000)
     cells.insert(xyz, ones(xyz), np.eye(4))
