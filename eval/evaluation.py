@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from eval.body_frame import (
     read_camera0_calibration,
     require_same_frame,
 )
+from slam.data.atomic import write_text
 from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.pose_files import read_poses
@@ -159,10 +159,8 @@ def finite(value: Any) -> Any:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Strict JSON under its final name only when whole: written beside, then renamed."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(json.dumps(finite(content), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    beside.replace(path)
+    """Strict JSON, whole or not at all; what is not finite becomes null."""
+    write_text(path, json.dumps(finite(content), indent=2, allow_nan=False) + "\n")
 
 
 def _read(path: Path) -> tuple[Array | None, Array]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from eval.alignment import alignment_transform
 from eval.body_frame import body_frame
 from eval.evaluation import pair_up
 from eval.trajectory import distances
+from slam.data.atomic import written_beside
 from slam.data.cloud import Array
 from slam.data.pose_files import read_poses
 
@@ -133,7 +133,6 @@ def _metres(value: float) -> str:
 
 
 def _save(figure: Any, path: Path) -> None:
-    """Beside, then renamed. A Figure without pyplot draws with Agg: no display, no global state."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    figure.savefig(beside, format="png", dpi=150, facecolor="white")
-    beside.replace(path)
+    """A Figure without pyplot draws with Agg: no display, no global state."""
+    with written_beside(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=150, facecolor="white")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -32,7 +33,7 @@ app = typer.Typer(
     Example: `lidarlift run 2011_09_26/2011_09_26_drive_0013_sync --input 16 --out runs/0013`
     """,
 )
-messages = Console(stderr=True, highlight=False, soft_wrap=True)
+messages = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 
 class Input(StrEnum):
@@ -82,6 +83,7 @@ def run(
     settings = load_config(config, set_ or (), input=channels)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{settings.front_end.input}"
 
+    _check_folder(folder)
     compile_kernels(settings, lambda: messages.print("Compiling kernels, once: about 20 seconds ..."))
     with _progress(data, _slice(frames)) as on_frame:
         result = Pipeline(settings).run(data, _slice(frames), strict=strict, on_frame=on_frame)
@@ -95,7 +97,7 @@ def run(
         print(format_table({"odometry": metrics["odometry"]}, protocol))
     else:
         print("No ground truth: no ATE, RPE or drift.")
-    print(f"Written to {folder}: trajectory_kitti.txt, trajectory_tum.txt, map.pcd, trajectory.png, run.json")
+    print(f"Written to {folder}: {', '.join(sorted(file.name for file in folder.iterdir()))}")
 
 
 @app.command()
@@ -149,7 +151,8 @@ def export(
     else:
         points = read_points(folder / "map.pcd")
         intensity = np.zeros(len(points.xyz)) if points.intensity is None else points.intensity
-        out = out.with_suffix(f".{kind.value}")
+        suffix = f".{kind.value}"
+        out = out if out.suffix.lower() == suffix else out.with_name(out.name + suffix)
         write_points(out, PointCloud(points.xyz, intensity).transformed(T))
     print(f"Written to {out}")
 
@@ -161,6 +164,13 @@ def main() -> None:
     except InputError as error:
         messages.print(f"Error: {error}", style="red", markup=False)
         sys.exit(1)
+
+
+def _check_folder(folder: Path) -> None:
+    """Before the run, so that no work is lost to a mistake in the name; nothing is made yet."""
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not existing.is_dir() or not os.access(existing, os.W_OK):
+        raise InputError(f"{folder}: {existing} is no folder that can be written to; choose another --out")
 
 
 def _slice(text: str) -> slice:
@@ -223,9 +233,9 @@ def _report_problems(result: Run) -> None:
 
 
 def _camera_from_lidar(report: dict[str, Any], folder: Path) -> Array:
-    T = report["T_camera0_lidar"]
+    T = report.get("T_camera0_lidar")
     if T is None:
-        raise InputError(f"{folder}: the run had no calibration of a camera 0; export with --frame lidar")
+        raise InputError(f"{folder / 'run.json'}: the run had no calibration of a camera 0; export with --frame lidar")
     return np.array(T)
 
 

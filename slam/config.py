@@ -40,8 +40,8 @@ class OdometrySettings(Settings):
     target: Literal["map", "scan"] = "map"  # scan: the one before, as the paper has it; drifts 3 to 7 times more
     min_range: float = Field(2.5, ge=0)  # m; nearer is the car itself
     max_range: float = Field(80.0, gt=0)  # m
-    map_voxel_size: float = Field(0.4, gt=0)  # m, thinning of what enters the map: evens out near and far
-    voxel_size: float = Field(1.5, gt=0)  # m, thinning of what is registered; near a cell's size it aliases
+    map_voxel_size: float = Field(0.4, ge=0.01)  # m, thinning of what enters the map: evens out near and far
+    voxel_size: float = Field(1.5, ge=0.01)  # m, thinning of what is registered; near a cell's size it aliases
     cell_sizes: tuple[float, ...] = (2.0, 1.0)  # m: the coarse cells reach further, the fine ones decide
     neighbours: Literal[1, 7] = 1  # Gaussians a point is held against; 7 where the target is a single scan
     min_points: int = Field(5, ge=3)  # a cell with fewer has no Gaussian
@@ -68,7 +68,7 @@ class OdometrySettings(Settings):
 class MapSettings(Settings):
     """The global map."""
 
-    voxel_size: float = Field(0.2, gt=0)  # m: one averaged point a voxel
+    voxel_size: float = Field(0.2, ge=0.01)  # m: one averaged point a voxel
     min_range: float = Field(2.5, ge=0)  # m; nearer is the car itself, which would leave a trail
     max_range: float = Field(60.0, gt=0)  # m; further points are sparse and less exact
 
@@ -166,5 +166,7 @@ def _all_keys(model: type[Settings], prefix: str) -> list[str]:
 def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     result = dict(base)
     for key, value in over.items():
-        result[key] = _merged(result[key], value) if isinstance(value, dict) and key in result else value
+        result[key] = (
+            _merged(result[key], value) if isinstance(value, dict) and isinstance(result.get(key), dict) else value
+        )
     return result

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
+
 from slam.config import FrontEndSettings
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.ring_patterns import drop_rings
@@ -34,4 +36,6 @@ class RingFrontEnd:
         del history  # nothing is filled in here
         if self.as_recorded or len(frame.cloud) == 0:
             return frame.cloud
+        if frame.cloud.ring is None and self.sensor is not None:  # a damaged scan among sound ones: nothing to keep
+            return frame.cloud.select(np.zeros(len(frame.cloud), bool))
         return drop_rings(frame.cloud, self.settings.drop, self.settings.phase, self.sensor)

@@ -110,7 +110,9 @@ class Pipeline:
             now_world = se3.inverse(odometry.predict(frame.stamp))
             cloud = front_end(frame, [(then, now_world @ pose) for then, pose in past])
             clock.lap("front_end")
-            step = odometry.register(self._with_times(cloud, frame), frame.stamp)
+            timed = self._with_times(cloud, frame)
+            run.deskewed |= timed.time is not None
+            step = odometry.register(timed, frame.stamp)
             clock.lap("odometry")
             if step.status != "failed":
                 run.map.insert(step.cloud, step.pose)
@@ -138,7 +140,7 @@ class Pipeline:
             config=self.config,
             positions=positions,
             vertical_correction=own if angle is None else float(np.deg2rad(angle)),
-            deskewed=settings.deskew is not False and dataset[positions[0]].cloud.time is not None,
+            deskewed=False,
             map=GlobalMap(self.config.map),
         )
 
@@ -146,7 +148,7 @@ class Pipeline:
         """The cloud with the times that deskewing goes by, or without where it is switched off."""
         if self.config.front_end.deskew is False:
             return replace(cloud, time=None)
-        if self.config.front_end.deskew and cloud.time is None:
+        if self.config.front_end.deskew and cloud.time is None and len(cloud):
             raise InputError(f"frame {frame.index}: its points have no times to deskew by; leave front_end.deskew out")
         return cloud
 

@@ -32,6 +32,8 @@ def save_run(run: Run, folder: str | Path) -> Path:
     write_text(folder / "timings.csv", _timings_csv(run))
     if len(run.map):
         write_points(folder / "map.pcd", run.map.points())
+    else:
+        (folder / "map.pcd").unlink(missing_ok=True)  # an earlier run's
     write_text(folder / "run.json", json.dumps(_report(run), indent=2) + "\n")
     return folder
 
@@ -40,10 +42,9 @@ def read_report(folder: Path) -> dict[str, Any]:
     """run.json of a run folder. Raises InputError where it is not there or not whole."""
     path = folder / "run.json"
     try:
-        report = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError) as error:
         raise InputError(f"{path}: no run to read here ({error}); name a folder that `lidarlift run` wrote") from error
-    return dict(report)
 
 
 def _write_ground_truth(run: Run, folder: Path) -> None:

@@ -145,10 +145,14 @@ def test_a_wrong_key_names_the_right_one(lidarlift: Command, street_drive: Drive
 
 @pytest.mark.parametrize(
     "setting",
-    ["x=1", *(f"odometry.voxel_size{rest}" for rest in ("", "=", "=-1", "=wide", "=[", ".x=2"))],
+    ["x=1", *(f"odometry.voxel_size{rest}" for rest in ("", "=", "=-1", "=wide", "=["))],
 )
 def test_a_wrong_value_is_one_line(lidarlift: Command, street_drive: Drive, setting: str) -> None:
     refused(lidarlift("run", street_drive(), "--set", setting))
+
+
+def test_a_key_below_a_number_is_one_line(lidarlift: Command, street_drive: Drive) -> None:
+    refused(lidarlift("run", street_drive(), "--set", "odometry.voxel_size.x=2"), "odometry.voxel_size")
 
 
 def test_settings_reach_the_run(lidarlift: Command, street_drive: Drive) -> None:
@@ -216,7 +220,6 @@ def test_strict_stops_and_writes_nothing(lidarlift: Command, street_drive: Drive
     assert not Path("r").exists()
 
 
-@pytest.mark.xfail(strict=True, reason="rich's Console needs emoji=False: 'a:b:' is printed as an emoji")
 def test_messages_are_printed_as_they_are(lidarlift: Command) -> None:
     refused(lidarlift("run", "drives:b:4"), "drives:b:4: no such folder")
 
@@ -289,7 +292,6 @@ def test_export_of_what_is_no_run(lidarlift: Command, tmp_path: Path, arguments:
     assert not Path(arguments[0]).exists()
 
 
-@pytest.mark.xfail(strict=True, raises=(KeyError, TypeError), reason="read_report takes any JSON for a report")
 @pytest.mark.parametrize("content", ["{}", "3"])
 def test_a_run_json_of_something_else(lidarlift: Command, tmp_path: Path, content: str) -> None:
     (tmp_path / "trajectory_tum.txt").write_text("0 0 0 0 0 0 0 1\n")

@@ -115,7 +115,6 @@ def test_run_json_is_strict_json_even_where_all_failed(street_drive: Drive, tmp_
     assert report["counts"]["failed"] == 8
 
 
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="save_run skips an empty map and leaves the old file")
 def test_an_earlier_runs_map_does_not_stay(street_drive: Drive, tmp_path: Path) -> None:
     path, folder = street_drive(), tmp_path / "run"
     save_run(run(path, slice(1)), folder)
