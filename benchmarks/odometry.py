@@ -2,7 +2,7 @@
 
     python benchmarks/odometry.py DRIVE [DRIVE ...]
 
-writes the odometry section of benchmarks/RESULTS.md and the same figures as benchmarks/odometry.json,
+writes the odometry section of benchmarks/RESULTS.md, the same figures as benchmarks/odometry.json and as a picture,
 [dataset][system][channels].{median_ms, ate_m, ...}, with "about" beside the data sets. Linux only (pins to a core).
 """
 
@@ -52,6 +52,7 @@ def benchmark(arguments: argparse.Namespace) -> None:
         from comparison import compare  # not before: these bring numpy, numba and the peers
         from measure import UNCOUNTED
         from odometry_report import section
+        from picture import draw
 
         from eval.evaluation import write_json
 
@@ -61,7 +62,8 @@ def benchmark(arguments: argparse.Namespace) -> None:
             results[name], about["datasets"][name] = entries, facts
     write_json(arguments.json, {"about": about, **results})
     write_section(arguments.out, "odometry", section(results, about))
-    print(f"wrote {arguments.out} and {arguments.json}")
+    draw(results, arguments.json.with_suffix(".png"))
+    print(f"wrote {arguments.out}, {arguments.json} and its picture")
 
 
 def pin_to_one_core() -> None:
