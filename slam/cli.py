@@ -79,6 +79,8 @@ def run(
 
     data = open_dataset(dataset, sequence, sensor)
     few_rings = data.sensor is not None and data.sensor.ring_count <= 16
+    if few_rings and input is Input.SIXTY_FOUR:
+        raise InputError(f"{dataset}: its sensor has no 64 rings; leave --input out")
     channels = input.value if input else "16" if few_rings else None
     settings = load_config(config, set_ or (), input=channels)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{settings.front_end.input}"

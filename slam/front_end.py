@@ -9,6 +9,7 @@ import numpy as np
 
 from slam.config import FrontEndSettings
 from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.errors import InputError
 from slam.data.ring_patterns import drop_rings
 from slam.data.sensor import Sensor
 
@@ -25,12 +26,15 @@ class FrontEnd(Protocol):
 class RingFrontEnd:
     """The scan as recorded (input 64), or with the rings dropped that a 16-channel sensor would not have (input 16).
 
-    The scan of a sensor that has 16 rings or fewer is taken as it is.
+    The scan of a sensor that has 16 rings or fewer is taken as it is. Raises InputError where a sensor has more, but
+    not 64: the patterns are made for 64.
     """
 
     def __init__(self, settings: FrontEndSettings, sensor: Sensor | None = None) -> None:
         self.settings, self.sensor = settings, sensor
         self.as_recorded = settings.input == "64" or (sensor is not None and sensor.ring_count <= 16)
+        if not self.as_recorded and sensor is not None and sensor.ring_count != 64:
+            raise InputError(f"rings are dropped from 64, and {sensor.name} has {sensor.ring_count}; use --input 64")
 
     def __call__(self, frame: Frame, history: History) -> PointCloud:
         del history  # nothing is filled in here

@@ -7,27 +7,22 @@ from pathlib import Path
 import numpy as np
 
 from slam.data import se3
-from slam.data.beams import rings_in_file_order, sweep_fraction
-from slam.data.cloud import Array, Calibration, Frame, PointCloud
+from slam.data.cloud import Array, Calibration
 from slam.data.errors import InputError
 from slam.data.files import (
-    IMAGE_SUFFIXES,
     SCAN_PERIOD,
-    files_by_number,
     gaps,
-    image_reader,
     matrix,
-    missing_image,
-    read_bin,
     read_keyed_numbers,
     read_numbers,
 )
+from slam.data.kitti import KittiDrive, from_first, rectified_camera
 from slam.data.pose_files import read_poses
 from slam.data.problem import Problem
 from slam.data.sensor import kitti_sensor
 
 
-class KittiOdometry:
+class KittiOdometry(KittiDrive):
     """`velodyne/`, `image_2/`, `calib.txt`, `times.txt` of one sequence folder, and `poses/NN.txt` of its root.
 
     Lines of times.txt and of the poses belong to scans by the number in the file name, so a part of a sequence works
@@ -37,38 +32,13 @@ class KittiOdometry:
     """
 
     def __init__(self, path: Path, sensor: str | Path | None = None) -> None:
-        self.path = path
         self.name = f"KITTI odometry {path.name}"
-        self.sensor = kitti_sensor(path, sensor, motion_compensated=True)
-        self._scans = files_by_number(path / "velodyne", (".bin",))
-        if not self._scans:
-            raise InputError(f"{path / 'velodyne'}: no scans in it; files like 000000.bin are expected")
-        self._images = files_by_number(path / "image_2", IMAGE_SUFFIXES)
-        self.numbers = np.array(list(self._scans), np.int64)
+        lasers = kitti_sensor(path, sensor, motion_compensated=True)
+        super().__init__(path, lasers, path / "velodyne", path / "image_2")
         self.stamps, slow = self._read_stamps()
         self.calibration, uncalibrated = self._read_calibration()
         self.ground_truth, untrue = self._read_ground_truth()
         self.problems = (*gaps(self.numbers, path / "velodyne"), *slow, *uncalibrated, *untrue)
-
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def __getitem__(self, position: int) -> Frame:
-        number = int(self.numbers[position])
-        xyz, intensity, problems = read_bin(self._scans[number])
-        ring, odd = rings_in_file_order(xyz, self.sensor, self._scans[number])
-        time = None if self.sensor.motion_compensated else sweep_fraction(xyz)
-        image = self._images.get(number)
-        if self._images:
-            problems += missing_image(image, number, self.path / "image_2")
-        return Frame(
-            index=number,
-            stamp=float(self.stamps[position]),
-            cloud=PointCloud(xyz, intensity, ring, time),
-            calibration=self.calibration,
-            read_image=image_reader(image),
-            problems=problems + odd,
-        )
 
     def _read_stamps(self) -> tuple[Array, tuple[Problem, ...]]:
         path = self.path / "times.txt"
@@ -112,16 +82,3 @@ class KittiOdometry:
             return from_first(truth), ()
         text = f"{path}: {len(poses)} poses, but a scan {self.numbers[-1]}; {np.sum(~known)} scans are without truth"
         return from_first(truth), (Problem("poses shorter than scans", text),)
-
-
-def rectified_camera(P: Array, T_camera0_lidar: Array) -> Calibration:
-    """KITTI's colour camera from its projection matrix P (4, 4, last row 0 0 0 1) = [K | K t] of rectified camera 0."""
-    T_camera_camera0 = np.eye(4)
-    T_camera_camera0[:3, 3] = np.linalg.solve(P[:3, :3], P[:3, 3])
-    return Calibration(P[:3, :3].copy(), T_camera_camera0 @ T_camera0_lidar, (), T_camera0_lidar)
-
-
-def from_first(poses: Array) -> Array | None:
-    """Poses (N, 4, 4) in the frame of the first one that is not NaN; None where all are."""
-    known = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
-    return se3.inverse(poses[known[0]]) @ poses if len(known) else None

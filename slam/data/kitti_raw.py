@@ -7,26 +7,21 @@ from pathlib import Path
 import numpy as np
 
 from slam.data import oxts, se3
-from slam.data.beams import rings_in_file_order, sweep_fraction
-from slam.data.cloud import Array, Calibration, Frame, PointCloud
+from slam.data.cloud import Array, Calibration
 from slam.data.errors import InputError
 from slam.data.files import (
-    IMAGE_SUFFIXES,
     files_by_number,
     gaps,
-    image_reader,
     matrix,
-    missing_image,
-    read_bin,
     read_keyed_numbers,
     rows_by_number,
 )
-from slam.data.kitti_odometry import from_first, rectified_camera
+from slam.data.kitti import KittiDrive, from_first, rectified_camera
 from slam.data.problem import Problem
 from slam.data.sensor import kitti_sensor
 
 
-class KittiRaw:
+class KittiRaw(KittiDrive):
     """`velodyne_points/`, `image_02/` and `oxts/` of one drive; calibration files beside the drive or inside it.
 
     Scans are as the sensor swept them: the cloud has times. Stamps count from the first scan. The ground truth is
@@ -35,15 +30,9 @@ class KittiRaw:
     """
 
     def __init__(self, path: Path, sensor: str | Path | None = None) -> None:
-        self.path = path
         self.name = f"KITTI raw {path.name.removesuffix('_sync')}"
-        self.sensor = kitti_sensor(path, sensor, motion_compensated=False)
-        scans = path / "velodyne_points" / "data"
-        self._scans = files_by_number(scans, (".bin",))
-        if not self._scans:
-            raise InputError(f"{scans}: no scans in it; files like 0000000000.bin are expected")
-        self._images = files_by_number(path / "image_02" / "data", IMAGE_SUFFIXES)
-        self.numbers = np.array(list(self._scans), np.int64)
+        lasers = kitti_sensor(path, sensor, motion_compensated=False)
+        super().__init__(path, lasers, path / "velodyne_points" / "data", path / "image_02" / "data")
         times = path / "velodyne_points" / "timestamps.txt"
         clock = rows_by_number(_read_clock(times), self.numbers, times)
         self.stamps = (clock - clock[0]) / np.timedelta64(1, "s")
@@ -53,26 +42,6 @@ class KittiRaw:
         self.calibration, uncalibrated = self._read_calibration()
         self.ground_truth, untrue = self._read_ground_truth(clock[0])
         self.problems = (*gaps(self.numbers, path / "velodyne_points"), *uncalibrated, *untrue)
-
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def __getitem__(self, position: int) -> Frame:
-        number = int(self.numbers[position])
-        xyz, intensity, problems = read_bin(self._scans[number])
-        ring, odd = rings_in_file_order(xyz, self.sensor, self._scans[number])
-        time = None if self.sensor.motion_compensated else sweep_fraction(xyz)
-        image = self._images.get(number)
-        if self._images:
-            problems += missing_image(image, number, self.path / "image_02")
-        return Frame(
-            index=number,
-            stamp=float(self.stamps[position]),
-            cloud=PointCloud(xyz, intensity, ring, time),
-            calibration=self.calibration,
-            read_image=image_reader(image),
-            problems=problems + odd,
-        )
 
     def _find(self, name: str) -> Path | None:
         """A calibration file: KITTI has it at the level of the date, some copies inside the drive."""

@@ -38,6 +38,16 @@ def _find(keys, key):
     return slot
 
 
+@njit(inline="always")
+def _turned(pose, x, y, z):
+    """R [x y z] of a pose."""
+    return (
+        pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z,
+        pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z,
+        pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z,
+    )
+
+
 @njit(cache=True, nogil=True)
 def downsample(xyz, weight, size, min_range, max_range, keys, slots):
     """Weighted centroid of the points of each cell, in the order in which the cells were first met.
@@ -119,9 +129,8 @@ def insert(xyz, weight, pose, size, min_points, max_points, floor, keys, slots, 
     last_key, cell = EMPTY, 0
     for i in range(len(xyz)):
         px, py, pz, w = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), weight[i]
-        x = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * pz + pose[0, 3]
-        y = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * pz + pose[1, 3]
-        z = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * pz + pose[2, 3]
+        x, y, z = _turned(pose, px, py, pz)
+        x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
         key = _key(x, y, z, inverse_size)
         if key != last_key:
             last_key = key
@@ -245,9 +254,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
     inverse_size, inverse_kernel = 1.0 / size, 1.0 / (kernel * kernel)
     for i in range(len(xyz)):
         px, py, pz, w = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), np.float64(weight[i])
-        qx = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * pz
-        qy = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * pz
-        qz = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * pz
+        qx, qy, qz = _turned(pose, px, py, pz)
         x, y, z = qx + pose[0, 3], qy + pose[1, 3], qz + pose[2, 3]
         best = np.inf
         totals[5] += w
@@ -299,9 +306,8 @@ def average_into(xyz, intensity, pose, size, min_range, max_range, keys, slots, 
         px, py, pz = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
         if not min_range * min_range <= px * px + py * py + pz * pz <= max_range * max_range:
             continue
-        x = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * pz + pose[0, 3]
-        y = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * pz + pose[1, 3]
-        z = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * pz + pose[2, 3]
+        x, y, z = _turned(pose, px, py, pz)
+        x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
         key = _key(x, y, z, inverse_size)
         if key != last_key:
             last_key = key

@@ -8,6 +8,7 @@ import pytest
 from slam.config import FrontEndSettings
 from slam.data.cloud import Frame, PointCloud
 from slam.data.errors import InputError
+from slam.data.sensor import Sensor, load_sensor
 from slam.front_end import RingFrontEnd
 
 
@@ -58,3 +59,13 @@ def test_16_without_rings_is_refused(frame: Frame) -> None:
     with pytest.raises(InputError, match="--sensor"):
         RingFrontEnd(FrontEndSettings(input="16"))(ringless, [])
     assert RingFrontEnd(FrontEndSettings(input="64"))(ringless, []) is ringless.cloud
+
+
+def test_a_sensor_of_16_rings_is_taken_as_it_is(frame: Frame) -> None:
+    assert RingFrontEnd(FrontEndSettings(input="16"), load_sensor("vlp16"))(frame, []) is frame.cloud
+
+
+def test_sensors_between_16_and_64_rings_are_refused() -> None:
+    sensor = Sensor("hdl32", np.deg2rad(np.linspace(10, -30, 32)), np.zeros(32))
+    with pytest.raises(InputError, match="--input 64"):
+        RingFrontEnd(FrontEndSettings(input="16"), sensor)

@@ -1,0 +1,65 @@
+"""What KITTI's odometry benchmark and its raw drives have in common."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from slam.data import se3
+from slam.data.beams import rings_in_file_order, sweep_fraction
+from slam.data.cloud import Array, Calibration, Frame, PointCloud
+from slam.data.errors import InputError
+from slam.data.files import IMAGE_SUFFIXES, files_by_number, image_reader, missing_image, read_bin
+from slam.data.sensor import Sensor
+
+
+class KittiDrive:
+    """Scans stored ring after ring, top ring first, with the colour camera's images of the same numbers.
+
+    The loaders add stamps, calibration and ground truth. See `Dataset` for the fields.
+    """
+
+    stamps: Array
+    calibration: Calibration | None
+
+    def __init__(self, path: Path, sensor: Sensor, scans: Path, images: Path) -> None:
+        self.path, self.sensor = path, sensor
+        self._scans = files_by_number(scans, (".bin",))
+        if not self._scans:
+            raise InputError(f"{scans}: no scans in it; KITTI's are numbered .bin files, like 000000.bin")
+        self._image_folder, self._images = images, files_by_number(images, IMAGE_SUFFIXES)
+        self.numbers = np.array(list(self._scans), np.int64)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __getitem__(self, position: int) -> Frame:
+        number = int(self.numbers[position])
+        xyz, intensity, problems = read_bin(self._scans[number])
+        ring, odd = rings_in_file_order(xyz, self.sensor, self._scans[number])
+        time = None if self.sensor.motion_compensated else sweep_fraction(xyz)
+        image = self._images.get(number)
+        if self._images:
+            problems += missing_image(image, number, self._image_folder)
+        return Frame(
+            index=number,
+            stamp=float(self.stamps[position]),
+            cloud=PointCloud(xyz, intensity, ring, time),
+            calibration=self.calibration,
+            read_image=image_reader(image),
+            problems=problems + odd,
+        )
+
+
+def rectified_camera(P: Array, T_camera0_lidar: Array) -> Calibration:
+    """KITTI's colour camera from its projection matrix P (4, 4, last row 0 0 0 1) = [K | K t] of rectified camera 0."""
+    T_camera_camera0 = np.eye(4)
+    T_camera_camera0[:3, 3] = np.linalg.solve(P[:3, :3], P[:3, 3])
+    return Calibration(P[:3, :3].copy(), T_camera_camera0 @ T_camera0_lidar, (), T_camera0_lidar)
+
+
+def from_first(poses: Array) -> Array | None:
+    """Poses (N, 4, 4) in the frame of the first one that is not NaN; None where all are."""
+    known = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
+    return se3.inverse(poses[known[0]]) @ poses if len(known) else None
