@@ -104,23 +104,31 @@ class Odometry:
         searching = self._registered < 2 or gap
         found = self._search(points, prediction) if searching else self.target.align(*points, prediction)
         if not searching and not (self._sound(found) and self._jump(prediction, found.pose) < self._gate()):
-            status, again = "retried", self._search(points, prediction)
-            found = again if again.score > found.score else found
+            status, found = "retried", self._search(points, prediction, found)
         if not self._sound(found):
             return self._kept(prediction, scan, found)
         return OdometryStep(found.pose, found.covariance, status, found, scan)
 
-    def _search(self, points: Points, centre: Array) -> RegistrationResult:
-        """The best of registrations started all around `centre`: the three places that fit best at the coarse level."""
+    def _search(self, points: Points, centre: Array, *found: RegistrationResult) -> RegistrationResult:
+        """The best of registrations started all around `centre`, and of those `found` already.
+
+        The coarse level judges, before and after: against a single scan the fine one prefers to stand still, for the
+        rings fall into the cells that they made.
+        """
         xyz, weight = points
+
+        def score(pose: Array) -> float:
+            return self.target.score(xyz, weight, pose)
+
         starts = [centre]
         for radius in np.arange(SEARCH_STEP, self.settings.search_radius + 1e-9, SEARCH_STEP):
             for heading in np.arange(8) * np.pi / 4:
                 offset = np.eye(4)
                 offset[:2, 3] = radius * np.cos(heading), radius * np.sin(heading)
                 starts.append(centre @ offset)
-        best = sorted(starts, key=lambda pose: -self.target.score(xyz, weight, pose))[:3]
-        return max((self.target.align(xyz, weight, pose) for pose in best), key=lambda found: found.score)
+        best = sorted(starts, key=score, reverse=True)[:3]
+        tried = [self.target.align(xyz, weight, pose) for pose in best]
+        return max((*found, *tried), key=lambda result: score(result.pose))
 
     def _sound(self, found: RegistrationResult) -> bool:
         """Enough of the scan fits, and it fits along every direction."""
