@@ -21,7 +21,8 @@ PROTOCOL = """\
 * Median and 95th percentile are over all counted scans; frames/s is their number by their total time. "x KISS-ICP" is
   KISS-ICP's median by the system's (in brackets: least and most of the repeats): above 1 is faster.
 * ATE: rmse of positions after SE(3) alignment to the ground truth. "to dense": the same against a slow dense
-  trajectory, small_gicp's GICP at 64 channels against the last 20 scans at 0.25 m. Both are of the first repeat.
+  trajectory, small_gicp's GICP at 64 channels against the last 20 scans at 0.25 m: being GICP, it may flatter gicp
+  and vgicp. Both are of the first repeat. `ndt` uses points up to 80 m, its default, the peers up to 100 m, theirs.
 * Drift: KITTI's metric, at lengths that fit the drive; "unrotated": after the best constant rotation of the body frame
   is removed. On short drives it measures the truth as much as the odometry.
 * Memory: peak of a process of its own that reads 64-channel scans one by one, libraries included (in brackets: before
