@@ -22,7 +22,6 @@ from slam.data.files import (
     read_numbers,
     rows_by_number,
 )
-from slam.data.kitti_odometry import from_first
 from slam.data.point_files import SUFFIXES, Points, read_points
 from slam.data.pose_files import read_poses
 from slam.data.problem import Problem
@@ -123,7 +122,7 @@ class UserFolder:
             truth[: len(poses)] = poses[: len(self)]
         lost = int(np.isnan(truth[:, 0, 0]).sum())
         text = f"{path}: {len(poses)} poses for {len(self)} scans; {lost} scans are without truth"
-        return from_first(truth), (Problem("poses shorter than scans", text),) if lost else ()
+        return se3.from_first(truth), (Problem("poses shorter than scans", text),) if lost else ()
 
 
 SCAN_FOLDERS = ("scans", "velodyne", "points", ".")

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.data import se3
 from slam.data.beams import rings_in_file_order, sweep_fraction
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
@@ -57,9 +56,3 @@ def rectified_camera(P: Array, T_camera0_lidar: Array) -> Calibration:
     T_camera_camera0 = np.eye(4)
     T_camera_camera0[:3, 3] = np.linalg.solve(P[:3, :3], P[:3, 3])
     return Calibration(P[:3, :3].copy(), T_camera_camera0 @ T_camera0_lidar, (), T_camera0_lidar)
-
-
-def from_first(poses: Array) -> Array | None:
-    """Poses (N, 4, 4) in the frame of the first one that is not NaN; None where all are."""
-    known = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
-    return se3.inverse(poses[known[0]]) @ poses if len(known) else None

@@ -16,7 +16,7 @@ from slam.data.files import (
     read_keyed_numbers,
     read_numbers,
 )
-from slam.data.kitti import KittiDrive, from_first, rectified_camera
+from slam.data.kitti import KittiDrive, rectified_camera
 from slam.data.pose_files import read_poses
 from slam.data.problem import Problem
 from slam.data.sensor import kitti_sensor
@@ -79,6 +79,6 @@ class KittiOdometry(KittiDrive):
         known = self.numbers < len(poses)
         truth[known] = se3.inverse(T_camera_lidar) @ poses[self.numbers[known]] @ T_camera_lidar
         if known.all():
-            return from_first(truth), ()
+            return se3.from_first(truth), ()
         text = f"{path}: {len(poses)} poses, but a scan {self.numbers[-1]}; {np.sum(~known)} scans are without truth"
-        return from_first(truth), (Problem("poses shorter than scans", text),)
+        return se3.from_first(truth), (Problem("poses shorter than scans", text),)

@@ -16,7 +16,7 @@ from slam.data.files import (
     read_keyed_numbers,
     rows_by_number,
 )
-from slam.data.kitti import KittiDrive, from_first, rectified_camera
+from slam.data.kitti import KittiDrive, rectified_camera
 from slam.data.problem import Problem
 from slam.data.sensor import kitti_sensor
 
@@ -75,7 +75,7 @@ class KittiRaw(KittiDrive):
         truth = oxts.poses_at(seconds[rising], poses[rising], self.stamps)
         lost = int(np.isnan(truth[:, 0, 0]).sum())
         text = f"{self.path / 'oxts'}: no packet near {lost} of {len(truth)} scans; they are without truth"
-        return from_first(truth), (Problem("no ground truth", text),) if lost else ()
+        return se3.from_first(truth), (Problem("no ground truth", text),) if lost else ()
 
 
 def _read_clock(path: Path) -> Array:

@@ -73,3 +73,9 @@ def normalized(T: Array) -> Array:
     result = T.copy()
     result[:3, :3] = Rotation.from_matrix(T[:3, :3]).as_matrix()
     return result
+
+
+def from_first(poses: Array) -> Array | None:
+    """Poses (N, 4, 4) in the frame of the first one that is not NaN; None where all are."""
+    known = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
+    return inverse(poses[known[0]]) @ poses if len(known) else None
