@@ -46,6 +46,7 @@ class OdometrySettings(Settings):
     neighbours: Literal[1, 7] = 1  # Gaussians a point is held against; 7 where the target is a single scan
     min_points: int = Field(5, ge=3)  # a cell with fewer has no Gaussian
     max_points: int = Field(1000, ge=3)  # a cell with so many is left as it is: bounds time, and a standing car's
+    floor: float = Field(0.003, gt=0)  # of a cell's covariance, share of its trace: flat cells must not be too sure
     kernel: float = Field(1.0, gt=0)  # Cauchy's, on the Mahalanobis distance; hardly matters between 0.5 and 3
     max_iterations: int = Field(12, ge=1)  # at the finest level; 3 are usual
     map_radius: float = Field(100.0, gt=0)  # m around the sensor: the map forgets the rest

@@ -190,6 +190,7 @@ def _target(settings: OdometrySettings) -> Target:
             settings.cell_sizes,
             min_points=settings.min_points,
             max_points=settings.max_points,
+            floor=settings.floor,
             neighbours=settings.neighbours,
             kernel=settings.kernel,
             max_iterations=settings.max_iterations,

@@ -26,11 +26,12 @@ class NdtTarget:
         *,
         min_points: int = 5,
         max_points: int = 1000,
+        floor: float = 0.003,
         neighbours: int = 1,
         kernel: float = 1.0,
         max_iterations: int = 12,
     ) -> None:
-        self.levels = [VoxelGaussians(size, min_points, max_points) for size in cell_sizes]
+        self.levels = [VoxelGaussians(size, min_points, max_points, floor) for size in cell_sizes]
         self.neighbours, self.kernel, self.max_iterations = neighbours, kernel, max_iterations
 
     def __len__(self) -> int:
