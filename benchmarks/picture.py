@@ -46,7 +46,7 @@ def _panel(axes: Axes, drive: str, systems: dict[str, Any]) -> None:
             axes.plot(left, right, marker, color=colour, markerfacecolor=face, label=label if full else None)
     axes.set(xscale="log", yscale="log", xlim=(2.5, 150), xlabel="milliseconds a frame, one thread")
     axes.set_title(f"{drive}\n64 channels filled, 16 hollow", fontsize=10)
-    axes.set_xticks([2, 5, 10, 20, 50, 100], ["2", "5", "10", "20", "50", "100"])
+    axes.set_xticks([5, 10, 20, 50, 100], ["5", "10", "20", "50", "100"])
     axes.set_yticks([1, 3, 10, 30, 100, 300], ["1", "3", "10", "30", "100", "300"])
     axes.minorticks_off()
     axes.grid(color="#E8E8E8")
