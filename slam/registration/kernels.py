@@ -143,8 +143,9 @@ def insert(xyz, weight, pose, size, min_points, max_points, floor, keys, slots, 
                 gaussians[count] = 0.0
                 count += 1
             cell = slots[slot]
-            touched[touches] = cell
-            touches += 1
+            if sums[cell, _COUNT] < max_points:
+                touched[touches] = cell
+                touches += 1
         row = sums[cell]
         if row[_COUNT] >= max_points:
             continue
