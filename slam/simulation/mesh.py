@@ -1,0 +1,136 @@
+"""Triangles with a material and a colour each, and the few shapes that a town is built from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from slam.data.cloud import Array
+from slam.simulation.materials import COLOURS, INDEX
+
+Colour = tuple[int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """T triangles over V vertices, z up; both sides of a triangle are solid.
+
+    vertices   (V, 3) float64, metres
+    triangles  (T, 3) int32, indices of vertices
+    material   (T,) uint8, indices of MATERIALS
+    colour     (T, 3) uint8, albedo
+    """
+
+    vertices: Array
+    triangles: Array
+    material: Array
+    colour: Array
+
+    @staticmethod
+    def of(vertices: Array, triangles: Array, material: str, colour: Colour | None = None) -> Mesh:
+        """All of one material, in its own colour or another."""
+        triangles = np.asarray(triangles, np.int32).reshape(-1, 3)
+        own = COLOURS[INDEX[material]] if colour is None else np.array(colour, np.uint8)
+        return Mesh(
+            np.asarray(vertices, np.float64).reshape(-1, 3),
+            triangles,
+            np.full(len(triangles), INDEX[material], np.uint8),
+            np.tile(own, (len(triangles), 1)),
+        )
+
+    def __len__(self) -> int:
+        return len(self.triangles)
+
+    def moved(self, T: Array) -> Mesh:
+        """Mapped by T (4, 4), rigid or scaled."""
+        return replace(self, vertices=self.vertices @ T[:3, :3].T + T[:3, 3])
+
+    def placed(self, x: float, y: float, z: float, yaw: float = 0.0, scale: float = 1.0) -> Mesh:
+        """Scaled, turned by `yaw` [rad] about z, then moved."""
+        c, s = scale * np.cos(yaw), scale * np.sin(yaw)
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, scale]])
+        return replace(self, vertices=self.vertices @ turn.T + [x, y, z])
+
+    def painted(self, material: str, colour: Colour) -> Mesh:
+        """With another colour wherever it is of that material."""
+        colours = self.colour.copy()
+        colours[self.material == INDEX[material]] = colour
+        return replace(self, colour=colours)
+
+    def select(self, mask: Array) -> Mesh:
+        """The triangles of a boolean mask or of indices; vertices that none of them uses are left out."""
+        used, triangles = np.unique(self.triangles[mask], return_inverse=True)
+        return Mesh(
+            self.vertices[used],
+            triangles.reshape(-1, 3).astype(np.int32),
+            self.material[mask],
+            self.colour[mask],
+        )
+
+
+def joined(meshes: Iterable[Mesh]) -> Mesh:
+    """One mesh of several; of none, an empty one."""
+    parts = list(meshes)
+    if not parts:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.uint8), np.zeros((0, 3), np.uint8))
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])]).astype(np.int32)
+    return Mesh(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.triangles + start for part, start in zip(parts, starts, strict=True)]),
+        np.concatenate([part.material for part in parts]),
+        np.concatenate([part.colour for part in parts]),
+    )
+
+
+def quads(corners: Array, material: str, colour: Colour | None = None) -> Mesh:
+    """Flat or nearly flat quadrilaterals from their corners (N, 4, 3), in order around each."""
+    corners = np.asarray(corners, np.float64).reshape(-1, 4, 3)
+    first = 4 * np.arange(len(corners), dtype=np.int32)[:, None, None]
+    return Mesh.of(corners, first + np.array([[0, 1, 2], [0, 2, 3]], np.int32), material, colour)
+
+
+def grid(points: Array, material: str, colour: Colour | None = None) -> Mesh:
+    """A surface through points (R, C, 3), two triangles a cell, row after row."""
+    rows, columns = points.shape[:2]
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
+    lower = corner + np.array([0, 1, columns + 1])
+    upper = corner + np.array([0, columns + 1, columns])
+    return Mesh.of(points, np.stack([lower, upper], axis=1), material, colour)
+
+
+def box(size: tuple[float, float, float], material: str, colour: Colour | None = None) -> Mesh:
+    """Of that length (x), width (y) and height, standing on the origin."""
+    length, width, height = size
+    x, y = length / 2, width / 2
+    foot = np.array([[-x, -y, 0], [x, -y, 0], [x, y, 0], [-x, y, 0]])
+    return prism(foot, height, material, colour)
+
+
+def prism(outline: Array, height: float, material: str, colour: Colour | None = None) -> Mesh:
+    """A convex outline (N, 3), counter-clockwise, drawn up by `height`, with top and bottom."""
+    count = len(outline)
+    top = outline + np.array([0, 0, height])
+    at, after = np.arange(count), np.roll(np.arange(count), -1)
+    sides = np.concatenate(
+        [np.column_stack([at, after, after + count]), np.column_stack([at, after + count, at + count])]
+    )
+    fan = np.column_stack([np.zeros(count - 2, int), np.arange(1, count - 1), np.arange(2, count)])
+    triangles = np.concatenate([sides, fan[:, ::-1], fan + count])
+    return Mesh.of(np.concatenate([outline, top]), triangles, material, colour)
+
+
+def cylinder(radii: Array, points: Array, sides: int, material: str, colour: Colour | None = None) -> Mesh:
+    """A tube of `sides` faces around a line of points (P, 3) that rises or bends, with a radius (P,) at each; closed
+    by a fan at its end."""
+    points = np.asarray(points, np.float64)
+    axis = np.gradient(points, axis=0)
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    across = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]]))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    angle = np.linspace(0, 2 * np.pi, sides + 1)
+    around = across[:, None] * np.cos(angle)[:, None] + np.cross(axis, across)[:, None] * np.sin(angle)[:, None]
+    surface = points[:, None] + np.asarray(radii, np.float64)[:, None, None] * around
+    cap = np.stack([surface[-1], np.broadcast_to(points[-1], surface[-1].shape)])
+    return joined([grid(surface, material, colour), grid(cap, material, colour)])
