@@ -72,12 +72,12 @@ class _Scene:
     def __init__(self, mesh: Mesh, centre: Array) -> None:
         self.centre = centre
         self._scene: Any = o3d.t.geometry.RaycastingScene()
-        vertices = np.ascontiguousarray(mesh.vertices - centre, np.float32)
-        triangles = np.ascontiguousarray(mesh.triangles, np.uint32)
+        vertices: Array = np.ascontiguousarray(mesh.vertices - centre, np.float32)
+        triangles: Array = np.ascontiguousarray(mesh.triangles, np.uint32)
         self._scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(triangles))
 
     def rays(self, origin: Array, direction: Array) -> Any:
-        rays = np.empty((len(direction), 6), np.float32)
+        rays: Array = np.empty((len(direction), 6), np.float32)
         rays[:, :3], rays[:, 3:] = origin - self.centre, direction
         return o3d.core.Tensor(rays)
 
