@@ -47,7 +47,7 @@ MATERIALS = (
     Material("marking", (215, 215, 208), 0.55, retroreflect=0.5, contrast=0.12),
     Material("kerb", (150, 148, 142), 0.35, contrast=0.2),
     Material("paving", (142, 138, 130), 0.33, pattern=Pattern.TILES, contrast=0.25),
-    Material("grass", (86, 112, 56), 0.42, lost=0.02, pattern=Pattern.BLOTCHES, contrast=0.4),
+    Material("grass", (94, 104, 62), 0.42, lost=0.02, pattern=Pattern.BLOTCHES, contrast=0.4),
     Material("soil", (120, 100, 78), 0.32, pattern=Pattern.BLOTCHES, contrast=0.3),
     Material("plaster", (205, 192, 168), 0.42, contrast=0.08),
     Material("brick", (150, 88, 70), 0.33, pattern=Pattern.BRICKS, contrast=0.35),

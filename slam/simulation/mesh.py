@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from slam.data.cloud import Array
 from slam.simulation.materials import COLOURS, INDEX
@@ -94,10 +95,21 @@ def quads(corners: Array, material: str, colour: Colour | None = None) -> Mesh:
 def grid(points: Array, material: str, colour: Colour | None = None) -> Mesh:
     """A surface through points (R, C, 3), two triangles a cell, row after row."""
     rows, columns = points.shape[:2]
-    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
-    lower = corner + np.array([0, 1, columns + 1])
-    upper = corner + np.array([0, columns + 1, columns])
-    return Mesh.of(points, np.stack([lower, upper], axis=1), material, colour)
+    return Mesh.of(points, _cells(np.arange(rows * columns).reshape(rows, columns)), material, colour)
+
+
+def fan(outline: Array, material: str, colour: Colour | None = None) -> Mesh:
+    """The face inside a convex outline (N, 3), all its triangles around the first corner."""
+    return Mesh.of(outline, _around_first(np.arange(len(outline))), material, colour)
+
+
+def loft(outlines: Array, material: str, colour: Colour | None = None) -> Mesh:
+    """A closed skin over convex outlines (R, C, 3), one after the other, with a fan at either end."""
+    rows, columns = outlines.shape[:2]
+    index = np.arange(rows * columns).reshape(rows, columns)
+    skin = _cells(np.column_stack([index, index[:, 0]]))
+    ends = _around_first(index[0])[:, ::-1], _around_first(index[-1])
+    return Mesh.of(outlines, np.concatenate([skin, *ends]), material, colour)
 
 
 def box(size: tuple[float, float, float], material: str, colour: Colour | None = None) -> Mesh:
@@ -110,27 +122,27 @@ def box(size: tuple[float, float, float], material: str, colour: Colour | None =
 
 def prism(outline: Array, height: float, material: str, colour: Colour | None = None) -> Mesh:
     """A convex outline (N, 3), counter-clockwise, drawn up by `height`, with top and bottom."""
-    count = len(outline)
-    top = outline + np.array([0, 0, height])
-    at, after = np.arange(count), np.roll(np.arange(count), -1)
-    sides = np.concatenate(
-        [np.column_stack([at, after, after + count]), np.column_stack([at, after + count, at + count])]
-    )
-    fan = np.column_stack([np.zeros(count - 2, int), np.arange(1, count - 1), np.arange(2, count)])
-    triangles = np.concatenate([sides, fan[:, ::-1], fan + count])
-    return Mesh.of(np.concatenate([outline, top]), triangles, material, colour)
+    return loft(np.stack([outline, outline + np.array([0, 0, height])]), material, colour)
 
 
-def cylinder(radii: Array, points: Array, sides: int, material: str, colour: Colour | None = None) -> Mesh:
-    """A tube of `sides` faces around a line of points (P, 3) that rises or bends, with a radius (P,) at each; closed
-    by a fan at its end."""
+def cylinder(radii: ArrayLike, points: ArrayLike, sides: int, material: str, colour: Colour | None = None) -> Mesh:
+    """A closed tube of `sides` faces around a line of points (P, 3) that rises or bends, with a radius (P,) at each."""
     points = np.asarray(points, np.float64)
     axis = np.gradient(points, axis=0)
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    across = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]]))
+    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis).max(axis=0))])  # one for all, lest the tube twists
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    angle = np.linspace(0, 2 * np.pi, sides + 1)
-    around = across[:, None] * np.cos(angle)[:, None] + np.cross(axis, across)[:, None] * np.sin(angle)[:, None]
-    surface = points[:, None] + np.asarray(radii, np.float64)[:, None, None] * around
-    cap = np.stack([surface[-1], np.broadcast_to(points[-1], surface[-1].shape)])
-    return joined([grid(surface, material, colour), grid(cap, material, colour)])
+    angle = 2 * np.pi * np.arange(sides)[:, None] / sides
+    around = across[:, None] * np.cos(angle) + np.cross(axis, across)[:, None] * np.sin(angle)
+    return loft(points[:, None] + np.asarray(radii, np.float64)[:, None, None] * around, material, colour)
+
+
+def _cells(index: Array) -> Array:
+    """Triangles (2 (R-1) (C-1), 3) between neighbours in a grid of vertices (R, C)."""
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+
+
+def _around_first(index: Array) -> Array:
+    """Triangles (N-2, 3) that fill an outline of vertices (N,)."""
+    return np.column_stack([np.full(len(index) - 2, index[0]), index[1:-1], index[2:]])

@@ -67,25 +67,28 @@ class StandingWorld:
 
 
 class _Scene:
-    """Open3D's ray casting (Embree) over one mesh, around a centre, for it computes in float32."""
+    """Open3D's ray casting (Embree) over one mesh, around a centre, for it computes in float32.
+
+    On one thread: whole frames are shared out among cores, which leaves none of them waiting.
+    """
 
     def __init__(self, mesh: Mesh, centre: Array) -> None:
         self.centre = centre
         self._scene: Any = o3d.t.geometry.RaycastingScene()
         vertices: Array = np.ascontiguousarray(mesh.vertices - centre, np.float32)
         triangles: Array = np.ascontiguousarray(mesh.triangles, np.uint32)
-        self._scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(triangles))
+        self._scene.add_triangles(o3d.core.Tensor.from_numpy(vertices), o3d.core.Tensor.from_numpy(triangles))
 
     def rays(self, origin: Array, direction: Array) -> Any:
         rays: Array = np.empty((len(direction), 6), np.float32)
         rays[:, :3], rays[:, 3:] = origin - self.centre, direction
-        return o3d.core.Tensor(rays)
+        return o3d.core.Tensor.from_numpy(rays)
 
     def cast(self, rays: Any) -> Hits:
-        answer = self._scene.cast_rays(rays)
+        answer = self._scene.cast_rays(rays, nthreads=1)
         primitive = answer["primitive_ids"].numpy()
         triangle = np.where(primitive == self._scene.INVALID_ID, -1, primitive.astype(np.int64))
         return Hits(answer["t_hit"].numpy(), triangle, answer["primitive_normals"].numpy())
 
     def hidden(self, rays: Any) -> Array:
-        return np.asarray(self._scene.test_occlusions(rays).numpy())
+        return np.asarray(self._scene.test_occlusions(rays, nthreads=1).numpy())

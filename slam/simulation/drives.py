@@ -1,0 +1,197 @@
+"""Where the car goes: the built-in drives, and drives along the poses of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from slam.data import se3
+from slam.data.cloud import Array
+from slam.data.errors import InputError
+from slam.data.pose_files import read_poses
+
+RATE = 10.0  # frames a second, KITTI's
+LANE = 1.75  # metres from the middle of the road to the middle of a lane; traffic keeps to the right
+STEP = 0.25  # metres between the samples of a built-in path
+TOP_SPEED, SIDEWAYS, ALONG = 11.0, 2.5, 1.5  # m/s, and m/s^2 in curves and when the speed changes
+SMOOTHED = 32  # samples at either end of a path that its smoothing bends
+JUMP = 10.0  # metres between two poses that no car drives in a frame
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """N frames of a car, seen from above; the height of the ground under it comes from the terrain.
+
+    name      of the drive
+    stamps    (N,) seconds
+    position  (N, 3) metres: x, y, and the height of the road there
+    yaw       (N,) radians, not wrapped
+    tunnel    from and to which way [m] the road runs through a tunnel, or None
+    jam       whether it is stuck in a queue of cars
+    """
+
+    name: str
+    stamps: Array
+    position: Array
+    yaw: Array
+    tunnel: tuple[float, float] | None = None
+    jam: bool = False
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+    @property
+    def way(self) -> Array:
+        """(N,) metres driven since the first frame."""
+        steps = np.linalg.norm(np.diff(self.position[:, :2], axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def built_in(name: str, spacing: float | None = None) -> Drive:
+    """One of DRIVES; `spacing` asks for a frame every so many metres instead of ten a second."""
+    return DRIVES[name](spacing)
+
+
+def loop(spacing: float | None = None) -> Drive:
+    """Once around a block, the first street again in the same direction, across, and a street in reverse."""
+    corners = [(0, 0), (110, 0), (110, 58), (-12, 58), (-12, 0), (52, 0), (52, 58), (100, 58)]
+    return _driven("loop", _lane(np.array(corners, float)), spacing)
+
+
+def straight(spacing: float | None = None) -> Drive:
+    """300 m of one street."""
+    return _driven("straight", _lane(np.array([(0.0, 0.0), (300.0, 0.0)])), spacing)
+
+
+def tunnel(spacing: float | None = None) -> Drive:
+    """A street, 200 m of smooth tunnel that look the same everywhere, a street."""
+    return _driven("tunnel", _lane(np.array([(0.0, 0.0), (320.0, 0.0)])), spacing, tunnel=(60.0, 260.0))
+
+
+def jam(spacing: float | None = None) -> Drive:
+    """Half a minute of stop and go, 50 m of the way."""
+    stamps = np.arange(350) / RATE
+    speed = np.clip(1.6 + 2.2 * np.sin(0.45 * stamps) + 0.7 * np.sin(1.07 * stamps + 1.0), 0.0, None)
+    way = np.concatenate([[0.0], np.cumsum(gaussian_filter1d(speed, 4))[:-1]]) / RATE
+    return _along("jam", _lane(np.array([(0.0, 0.0), (120.0, 0.0)])), stamps, way, spacing, jam=True)
+
+
+#: The built-in drives by name.
+DRIVES: dict[str, Callable[[float | None], Drive]] = {"loop": loop, "straight": straight, "tunnel": tunnel, "jam": jam}
+
+
+def from_file(path: Path, spacing: float | None = None) -> Drive:
+    """Along the poses of a KITTI or TUM file, ten a second or as TUM's stamps say; `spacing` as in `built_in`.
+
+    Whether the poses are a camera's (z forward) or a LiDAR's (x forward) shows in the direction that they move in.
+    Raises InputError where the file is not a trajectory, stands still, or jumps.
+    """
+    stamps, poses = read_poses(path)
+    if len(poses) < 2:
+        raise InputError(f"{path}: one pose is no drive; at least two are needed")
+    steps = np.diff(poses[:, :3, 3], axis=0)
+    length = np.linalg.norm(steps, axis=1)
+    if (length > JUMP).any():
+        line = int(np.argmax(length > JUMP)) + 1
+        raise InputError(
+            f"{path}: the poses of lines {line} and {line + 1} are {length[line - 1]:.1f} m apart, too far for one "
+            f"frame (at most {JUMP:g} m); cut the file there or repair it"
+        )
+    if length.sum() < 1.0:
+        raise InputError(f"{path}: the poses move {length.sum():.2f} m in all; a drive of at least 1 m is needed")
+    poses = _level(poses)
+    yaw = np.unwrap(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
+    stamps = np.arange(len(poses)) / RATE if stamps is None else stamps - stamps[0]
+    if (np.diff(stamps) <= 0).any():
+        line = int(np.argmax(np.diff(stamps) <= 0)) + 2
+        raise InputError(f"{path}: the stamp of line {line} is not later than the one before; sort or repair it")
+    return _spaced(Drive(path.stem, stamps, poses[:, :3, 3], yaw), spacing)
+
+
+def _level(poses: Array) -> Array:
+    """The poses (N, 4, 4) from the first, x forward and z up, whether they are a camera's or a LiDAR's."""
+    poses = se3.inverse(poses[0]) @ poses
+    steps = np.diff(poses[:, :3, 3], axis=0)
+    ahead = np.einsum("nij,ni->j", poses[:-1, :3, :3], steps)  # the way, in the body's own axes
+    if abs(ahead[2]) <= abs(ahead[0]):
+        return poses
+    turn = np.eye(4)
+    turn[:3, :3] = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]
+    return turn @ poses @ turn.T
+
+
+def _lane(corners: Array) -> Array:
+    """(N, 2): the right lane of a road along these corners (C, 2), every STEP, its curves a car's."""
+    direction = np.diff(corners, axis=0)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    right = np.column_stack([direction[:, 1], -direction[:, 0]]) * LANE
+    at = [corners[0] + right[0]]
+    for corner, before, after in zip(corners[1:-1], right[:-1], right[1:], strict=True):
+        at.append(corner + before + after)  # streets meet at right angles
+    at.append(corners[-1] + right[-1])
+    return _rounded(np.array(at), 9.0)
+
+
+def _rounded(corners: Array, radius: float) -> Array:
+    """Corners cut by arcs of that radius, sampled every STEP; the curvature grows and falls gradually."""
+    dense = [corners[0]]
+    for index in range(1, len(corners) - 1):
+        before, after = corners[index - 1] - corners[index], corners[index + 1] - corners[index]
+        before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
+        centre = corners[index] + radius * (before + after)
+        for angle in np.linspace(0, np.pi / 2, 16):
+            dense.append(centre - radius * (after * np.cos(angle) + before * np.sin(angle)))
+    dense.append(corners[-1])
+    points = _resampled(np.array(dense), STEP)
+    return gaussian_filter1d(points, 2.0 / STEP, axis=0)[SMOOTHED:-SMOOTHED]
+
+
+def _resampled(points: Array, step: float) -> Array:
+    """A polyline (N, 2) at equal steps of its length."""
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    at = np.arange(0.0, way[-1], step)
+    return np.column_stack([np.interp(at, way, points[:, axis]) for axis in (0, 1)])
+
+
+def _driven(name: str, path: Array, spacing: float | None, tunnel: tuple[float, float] | None = None) -> Drive:
+    """A car that slows down before curves and speeds up after them."""
+    yaw = np.unwrap(np.arctan2(np.gradient(path[:, 1]), np.gradient(path[:, 0])))
+    speed = np.minimum(TOP_SPEED, np.sqrt(SIDEWAYS * STEP / np.maximum(np.abs(np.gradient(yaw)), 1e-6)))
+    for limited in (speed, speed[::-1]):  # no sudden starts, and the other way round no sudden stops
+        for index in range(1, len(limited)):
+            limited[index] = min(limited[index], np.sqrt(limited[index - 1] ** 2 + 2 * ALONG * STEP))
+    time = np.concatenate([[0.0], np.cumsum(STEP / speed[:-1])])
+    stamps = np.arange(0.0, time[-1], 1 / RATE)
+    return _along(name, path, stamps, np.interp(stamps, time, STEP * np.arange(len(path))), spacing, tunnel=tunnel)
+
+
+def _along(
+    name: str,
+    path: Array,
+    stamps: Array,
+    way: Array,
+    spacing: float | None,
+    tunnel: tuple[float, float] | None = None,
+    jam: bool = False,
+) -> Drive:
+    """The drive that has come `way` (N,) metres along the path at each stamp."""
+    samples = STEP * np.arange(len(path))
+    heading = np.unwrap(np.arctan2(np.gradient(path[:, 1]), np.gradient(path[:, 0])))
+    position = np.column_stack([*(np.interp(way, samples, path[:, axis]) for axis in (0, 1)), np.zeros(len(way))])
+    return _spaced(Drive(name, stamps, position, np.interp(way, samples, heading), tunnel, jam), spacing)
+
+
+def _spaced(drive: Drive, spacing: float | None) -> Drive:
+    """A frame every `spacing` metres of the way, at ten frames a second; None: as it is."""
+    if spacing is None:
+        return drive
+    way = drive.way
+    moving = np.concatenate([[True], np.diff(way) > 0])
+    at = np.arange(0.0, way[-1], spacing)
+    columns = [np.interp(at, way[moving], drive.position[moving, axis]) for axis in range(3)]
+    yaw = np.interp(at, way[moving], drive.yaw[moving])
+    return Drive(drive.name, np.arange(len(at)) / RATE, np.column_stack(columns), yaw, drive.tunnel, drive.jam)

@@ -1,0 +1,187 @@
+"""A simulated drive as a folder in the layout of KITTI's odometry benchmark."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from slam.data import se3
+from slam.data.atomic import write_text, written_beside
+from slam.data.cloud import Array
+from slam.data.errors import InputError
+from slam.data.pose_files import kitti_text
+from slam.data.sensor import load_sensor
+from slam.simulation.camera import CAMERA
+from slam.simulation.drives import built_in, from_file
+from slam.simulation.rig import TR, Rig
+
+SEQUENCE = "00"
+FEW = 8  # so many frames are written before other processes have started
+MOST = 4  # processes: each holds a town
+DEPTH_SCALE = 256.0  # KITTI's depth maps: 16 bits, 256 a metre, 0 = no value
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is simulated: equal ones give the same bytes.
+
+    drive       a built-in drive, unless
+    trajectory  names a file of poses
+    spacing     metres between frames; None: ten frames a second
+    sensor      hdl64 or vlp16
+    distort     the car moves while the LiDAR turns, as in KITTI's raw drives
+    depth       also write the exact depth of each image and the exact 64-channel scan
+    """
+
+    drive: str = "loop"
+    trajectory: Path | None = None
+    spacing: float | None = None
+    sensor: str = "hdl64"
+    distort: bool = False
+    seed: int = 0
+    depth: bool = False
+
+
+class Simulation:
+    """A drive that can be written. Raises InputError where its trajectory is no drive."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        path, spacing = settings.trajectory, settings.spacing
+        self.drive = from_file(path, spacing) if path else built_in(settings.drive, spacing)
+
+    def __len__(self) -> int:
+        return len(self.drive)
+
+    @cached_property
+    def rig(self) -> Rig:
+        """The car in its town, which takes a few seconds to build."""
+        settings = self.settings
+        sensor = load_sensor(settings.sensor)
+        return Rig(self.drive, sensor, settings.seed, distort=settings.distort, truth=settings.depth)
+
+    def matches(self, folder: Path) -> bool:
+        """Whether a folder is empty or absent, or holds this very simulation, whole or in part."""
+        about = folder / "simulation.json"
+        if about.is_file():
+            return about.read_text(encoding="utf-8") == self._about()
+        return not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
+
+    def write(self, folder: Path, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> None:
+        """The first `frames`, or all; those that the folder has are kept, so that a broken-off run goes on.
+
+        `on_frame` is called for each, kept or written. Raises InputError where the folder holds something else or
+        cannot be written; no file is half there then.
+        """
+        if not self.matches(folder):
+            raise InputError(f"{folder}: holds something else already; name a new folder, or empty this one")
+        sequence = folder / "sequences" / SEQUENCE
+        numbers = range(len(self) if frames is None else min(frames, len(self)))
+        missing = [number for number in numbers if not all(path.is_file() for path in self._files(sequence, number))]
+        for _ in range(len(numbers) - len(missing)):
+            on_frame()
+        self._write_surroundings(folder, sequence)
+        if len(missing) <= FEW:
+            for number in missing:
+                self.write_frame(sequence, number)
+                on_frame()
+        else:
+            self._share_out(sequence, missing, on_frame)
+
+    def write_frame(self, sequence: Path, number: int) -> None:
+        """One frame into the folder of its sequence; its scan, which comes last, says that it is whole."""
+        frame = self.rig.frame(number)
+        scan, image, *truth = self._files(sequence, number)
+        _write(image, _png(frame.image[..., ::-1]))
+        if truth:
+            assert frame.exact is not None
+            assert frame.depth is not None
+            _write(truth[0], frame.exact.tobytes())
+            _write(truth[1], _png(np.minimum(np.round(frame.depth * DEPTH_SCALE), 65535).astype(np.uint16)))
+        _write(scan, frame.scan.tobytes())
+
+    def _share_out(self, sequence: Path, numbers: list[int], on_frame: Callable[[], None]) -> None:
+        """Frames written by one process a core."""
+        workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, MOST)
+        context = multiprocessing.get_context("spawn")  # a fork would inherit the locks of threads that are not there
+        with ProcessPoolExecutor(workers, context, _begin, (self.settings,)) as pool:
+            try:
+                for written in as_completed([pool.submit(_write_one, sequence, number) for number in numbers]):
+                    written.result()
+                    on_frame()
+            except BaseException:
+                pool.shutdown(wait=True, cancel_futures=True)
+                raise
+
+    def _files(self, sequence: Path, number: int) -> tuple[Path, ...]:
+        """The files of a frame, as `_write_frame` takes them."""
+        folders = {"velodyne": "bin", "image_2": "png"}
+        if self.settings.depth:
+            folders |= {"velodyne_exact": "bin", "depth_2": "png"}
+        return tuple(sequence / folder / f"{number:06d}.{suffix}" for folder, suffix in folders.items())
+
+    def _write_surroundings(self, folder: Path, sequence: Path) -> None:
+        """All but the frames: what they are, calibration, stamps, sensor and true poses of the whole drive."""
+        write_text(folder / "simulation.json", self._about())
+        rows = {"P0": CAMERA.P2 * [1, 1, 1, 0], "P2": CAMERA.P2, "Tr": TR[:3]}
+        lines = (f"{name}: " + " ".join(f"{value:.12e}" for value in row.ravel()) for name, row in rows.items())
+        write_text(sequence / "calib.txt", "\n".join(lines) + "\n")
+        write_text(sequence / "times.txt", "".join(f"{stamp:e}\n" for stamp in self.drive.stamps))
+        compensated = "false" if self.settings.distort else "true"
+        write_text(
+            sequence / "sensor.yaml",
+            f"model: {self.settings.sensor}\nvertical_correction_deg: 0.0\nmotion_compensated: {compensated}\n",
+        )
+        poses = TR @ self.rig.poses @ se3.inverse(TR)
+        write_text(folder / "poses" / f"{SEQUENCE}.txt", kitti_text(se3.inverse(poses[0]) @ poses))
+
+    def _about(self) -> str:
+        """What tells this simulation from others: its settings, and a digest of the way and of the code."""
+        settings = self.settings
+        digest = hashlib.sha256(self.drive.position.tobytes() + self.drive.yaw.tobytes())
+        for source in sorted(Path(__file__).parent.glob("*.py")):
+            digest.update(source.read_bytes())
+        about = {
+            "drive": settings.trajectory.name if settings.trajectory else settings.drive,
+            "spacing_m": settings.spacing,
+            "sensor": settings.sensor,
+            "distort": settings.distort,
+            "seed": settings.seed,
+            "depth": settings.depth,
+            "frames": len(self),
+            "digest": digest.hexdigest()[:16],
+        }
+        return json.dumps(about, indent=2) + "\n"
+
+
+_simulation: Simulation  # of a worker
+
+
+def _begin(settings: Settings) -> None:
+    global _simulation
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent answers Ctrl-C
+    _simulation = Simulation(settings)
+
+
+def _write_one(sequence: Path, number: int) -> None:
+    _simulation.write_frame(sequence, number)
+
+
+def _png(pixels: Array) -> bytes:
+    return cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 2])[1].tobytes()
+
+
+def _write(path: Path, content: bytes) -> None:
+    with written_beside(path) as temporary:
+        temporary.write_bytes(content)

@@ -1,0 +1,117 @@
+"""What moves in the streets while the car drives: other cars on their ways, people on the pavement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slam.data.cloud import Array
+from slam.simulation.drives import LANE, RATE, Drive
+from slam.simulation.mesh import Mesh, joined
+from slam.simulation.roadside import Stock
+from slam.simulation.streets import HALF_WIDTH, OUTSKIRTS, Road
+from slam.simulation.town import Town
+
+SIGHT = 120.0  # metres: beyond, what moves is left out
+CAR, PERSON = 5.0, 1.0  # metres that they keep from each other
+
+
+@dataclass(frozen=True, eq=False)
+class Mover:
+    """One car or person.
+
+    way      (N,) metres along the drive's path in each frame
+    left     metres to the left of that path
+    reverse  whether it goes against the drive
+    room     metres that it keeps from others
+    """
+
+    mesh: Mesh
+    way: Array
+    left: float
+    reverse: bool
+    room: float
+
+
+class Traffic:
+    """Cars ahead, behind and oncoming, people walking; none of them runs into another or into the driven car."""
+
+    def __init__(self, drive: Drive, town: Town, rng: np.random.Generator) -> None:
+        self._path, self._terrain, self._drive = Road(town.streets.path), town.terrain, drive
+        self._metres = np.arange(len(self._path.line)) - (OUTSKIRTS - 1)
+        self._heading = np.unwrap(np.arctan2(self._path.direction[:, 1], self._path.direction[:, 0]))
+        self._movers: list[Mover] = []
+        self._places: list[Array] = []
+        for mover in [mover for some in (_queue, _oncoming, _walkers) for mover in some(drive, town.stock, rng)]:
+            self._admit(mover)
+
+    def __len__(self) -> int:
+        return len(self._movers)
+
+    def at(self, frame: int) -> Mesh:
+        """All that moves within SIGHT of the car in that frame."""
+        here = self._drive.position[frame, :2]
+        parts = []
+        for mover, places in zip(self._movers, self._places, strict=True):
+            if np.linalg.norm(places[frame] - here) < SIGHT:  # never so for NaN
+                yaw = np.interp(mover.way[frame], self._metres, self._heading) + np.pi * mover.reverse
+                (pose,) = self._terrain.poses(places[frame : frame + 1], np.array([yaw]), 0.0, np.zeros((1, 3)))
+                parts.append(mover.mesh.moved(pose))
+        return joined(parts)
+
+    def _admit(self, mover: Mover) -> None:
+        """Take it in if it keeps its distance from the driven car and from the others, all the way."""
+        middle = np.column_stack([np.interp(mover.way, self._metres, self._path.line[:, axis]) for axis in (0, 1)])
+        left = np.column_stack([np.interp(mover.way, self._metres, self._path.left[:, axis]) for axis in (0, 1)])
+        places = middle + mover.left * left
+        places[(mover.way < self._metres[0]) | (mover.way > self._metres[-1])] = np.nan
+        near = np.linalg.norm(places - self._drive.position[:, :2], axis=1) < mover.room - 2.2
+        for other, there in zip(self._movers, self._places, strict=True):
+            near |= np.linalg.norm(places - there, axis=1) < min(mover.room, other.room)
+        if not near.any():
+            self._movers.append(mover)
+            self._places.append(places)
+
+
+def _queue(drive: Drive, stock: Stock, rng: np.random.Generator) -> list[Mover]:
+    """Cars in the same lane: they drive as the car itself does, a little sooner or later."""
+    places = [-2, -1, 1, 2, 3, 4, 5, 6] if drive.jam else [place for place in (-1, 1, 2) if rng.random() < 0.7]
+    movers = []
+    for place in places:
+        lead = place * (0.4 if drive.jam else rng.uniform(1.3, 2.2))  # seconds
+        gap = place * (7.0 if drive.jam else 6.5)
+        frames = np.clip(np.arange(len(drive)) + RATE * lead, 0, len(drive) - 1)
+        way = np.interp(frames, np.arange(len(drive)), drive.way) + gap
+        beyond = np.arange(len(drive)) + RATE * lead - frames  # frames before the first or after the last
+        step = np.diff(drive.way)[[0, -1]]
+        way += np.where(beyond < 0, step[0], step[1]) * beyond
+        movers.append(Mover(_car(stock, rng), way, rng.normal(0, 0.1), False, CAR))
+    return movers
+
+
+def _oncoming(drive: Drive, stock: Stock, rng: np.random.Generator) -> list[Mover]:
+    """Cars in the other lane."""
+    speed = rng.uniform(1.5, 3.0) if drive.jam else rng.uniform(7.0, 11.0)
+    last = drive.way[-1] + speed * drive.stamps[-1] + OUTSKIRTS
+    movers, way = [], rng.uniform(10, 60)
+    while way < last:
+        movers.append(Mover(_car(stock, rng), way - speed * drive.stamps, 2 * LANE + rng.normal(0, 0.1), True, CAR))
+        way += rng.uniform(8, 20) if drive.jam else rng.uniform(35, 150)
+    return movers
+
+
+def _walkers(drive: Drive, stock: Stock, rng: np.random.Generator) -> list[Mover]:
+    """People on both pavements."""
+    movers = []
+    for way in rng.uniform(0, drive.way[-1], rng.poisson(drive.way[-1] / 40)):
+        side, reverse = rng.choice([-1, 1]), bool(rng.random() < 0.5)
+        pace = rng.uniform(0.9, 1.6) * (-1 if reverse else 1)
+        left = LANE + side * (HALF_WIDTH + rng.uniform(1.0, 1.7))
+        person = stock.people[rng.integers(len(stock.people))]
+        movers.append(Mover(person, way + pace * (drive.stamps - drive.stamps.mean()), left, reverse, PERSON))
+    return movers
+
+
+def _car(stock: Stock, rng: np.random.Generator) -> Mesh:
+    return stock.cars[rng.integers(len(stock.cars))]
