@@ -1,5 +1,5 @@
-"""The loops of the simulated camera: which way light comes in, textures, sky, and the picture made of them. Nothing but
-@njit here, and all in one file: numba's cache does not see a change in another.
+"""The loops of ray casting and of the camera: rays, which way light comes in, textures, sky, and the picture made of
+them. Nothing but @njit here, and all in one file: numba's cache does not see a change in another.
 
 N pixels, row after row. A pixel's ray has the camera's z component 1, so a reach along it is a depth. Light is linear,
 RGB; `air` (5, 3) holds the direction towards the sun, then the colours of its light on a surface that faces it, of the
@@ -392,3 +392,23 @@ def develop(light, width, exposure, noise, grain, curve):
             at = int((math.sqrt(light[i, channel]) * falloff + noise / 65535.0 * shot) * 0.5 * last)
             image[i, channel] = curve[min(max(at, 0), last)]
     return image
+
+
+@njit(cache=True, nogil=True)
+def rays_near(rays, spheres):
+    """Which rays (N, 6) pass through one of the spheres (K, 4: centre, radius) or begin in it: their indices (M,)."""
+    found = np.empty(len(rays), np.int64)
+    count = 0
+    for i in range(len(rays)):
+        dx, dy, dz = rays[i, 3], rays[i, 4], rays[i, 5]
+        squared = dx * dx + dy * dy + dz * dz
+        for k in range(len(spheres)):
+            x, y, z = spheres[k, 0] - rays[i, 0], spheres[k, 1] - rays[i, 1], spheres[k, 2] - rays[i, 2]
+            away, radius = x * x + y * y + z * z, spheres[k, 3]
+            along = x * dx + y * dy + z * dz
+            beside = away * squared - along * along <= radius * radius * squared
+            if away <= radius * radius or (along > 0.0 and beside):
+                found[count] = i
+                count += 1
+                break
+    return found[:count]

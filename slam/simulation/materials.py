@@ -43,7 +43,7 @@ class Material(NamedTuple):
 
 
 MATERIALS = (
-    Material("asphalt", (92, 92, 95), 0.24, contrast=0.22),
+    Material("asphalt", (92, 92, 95), 0.27, contrast=0.22),
     Material("marking", (215, 215, 208), 0.55, retroreflect=0.5, contrast=0.12),
     Material("kerb", (150, 148, 142), 0.35, contrast=0.2),
     Material("paving", (142, 138, 130), 0.33, pattern=Pattern.TILES, contrast=0.25),
@@ -53,13 +53,13 @@ MATERIALS = (
     Material("brick", (150, 88, 70), 0.33, pattern=Pattern.BRICKS, contrast=0.35),
     Material("concrete", (158, 156, 150), 0.36, pattern=Pattern.BLOTCHES, contrast=0.15),
     Material("roof", (128, 70, 56), 0.25, pattern=Pattern.TILES, contrast=0.3),
-    Material("glass", (60, 74, 88), 0.12, lost=0.75, gloss=0.55, pattern=Pattern.PLAIN),
+    Material("glass", (60, 74, 88), 0.12, lost=0.5, gloss=0.55, pattern=Pattern.PLAIN),
     Material("wood", (112, 82, 56), 0.34, contrast=0.3),
     Material("bark", (84, 68, 54), 0.28, contrast=0.4),
-    Material("leaves", (66, 98, 44), 0.38, lost=0.06, pattern=Pattern.BLOTCHES, contrast=0.45),
+    Material("leaves", (66, 98, 44), 0.38, lost=0.03, pattern=Pattern.BLOTCHES, contrast=0.45),
     Material("metal", (140, 142, 145), 0.38, lost=0.05, gloss=0.1, pattern=Pattern.PLAIN),
     Material("sign", (220, 220, 220), 0.95, retroreflect=0.95, pattern=Pattern.PLAIN),
-    Material("car_paint", (150, 155, 160), 0.30, lost=0.12, gloss=0.22, pattern=Pattern.PLAIN),
+    Material("car_paint", (150, 155, 160), 0.30, lost=0.05, gloss=0.22, pattern=Pattern.PLAIN),
     Material("tyre", (32, 32, 34), 0.10, lost=0.15, contrast=0.2),
     Material("plate", (225, 225, 220), 0.90, retroreflect=0.9, pattern=Pattern.PLAIN),
 )

@@ -77,7 +77,7 @@ class Roadside:
         start = 3.0
         while start < self.length - 6:
             stop = min(start + self._rng.uniform(45, 120), self.length - 3)
-            pick = self._rng.choice(4, p=[0.4, 0.34, 0.14, 0.12])
+            pick = self._rng.choice(4, p=[0.46, 0.34, 0.1, 0.1])
             yield from (self._row, self._villas, self._park, self._works)[pick](start, stop)
             yield from self._cars(start, stop, self._rng.uniform(0.1, 0.85))
             start = stop
@@ -171,12 +171,13 @@ class Roadside:
 
     def _backyards(self) -> Iterator[Mesh]:
         """Trees and houses in the second row, where there is room."""
-        for at in self._scattered(9.0):
-            yield from self._plant(at, GARDEN + self._rng.uniform(16, 40), large=True)
-        for at in self._scattered(24.0):
-            house = building(self._rng, 12.0, 9.0, int(self._rng.integers(1, 4)))
-            turn = self._rng.choice([0, np.pi / 2, np.pi])
-            yield from self._stand(house, at, GARDEN + self._rng.uniform(24, 40), (14.0, 14.0), turn=turn)
+        for at in self._scattered(7.0):
+            yield from self._plant(at, GARDEN + self._rng.uniform(16, 70), large=True)
+        for at in self._scattered(13.0):
+            width, depth, turn = self._rng.uniform(11, 20), self._rng.uniform(9, 12), self._rng.choice([0, 0.5, 1, 1.5])
+            house = building(self._rng, width, depth, int(self._rng.integers(2, 6))).placed(0, -depth / 2, 0)
+            out = GARDEN + self._rng.uniform(24, 75)
+            yield from self._stand(house, at, out, (width + 2, depth + 2), turn=turn * np.pi)
 
     def _plant(self, at: float, out: float, large: bool = False) -> Iterator[Mesh]:
         """A tree or a bush where there is room."""

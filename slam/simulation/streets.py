@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from slam.data.cloud import Array
 from slam.simulation.drives import LANE, Drive
 from slam.simulation.mesh import Mesh, joined, quads
-from slam.simulation.terrain import Terrain
+from slam.simulation.terrain import Terrain, noise
 
 HALF_WIDTH = 5.4  # metres from the middle of a road to its kerbs: a lane and a row of parked cars
 PAVEMENT = 2.3  # metres from the kerb to the gardens and houses
@@ -29,6 +29,7 @@ _SIDE = (
 )
 _MIRRORED = [(-_SIDE[i][0], _SIDE[i][1], _SIDE[i - 1][2]) for i in range(len(_SIDE) - 1, 0, -1)]
 PROFILE = (*_SIDE, (0.06, 0.0, "marking"), (-0.06, 0.0, "asphalt"), *_MIRRORED, (-_SIDE[0][0], _SIDE[0][1], ""))
+ROUGH = 0.012  # metres that the surface is uneven by
 DASH = 3  # metres of the middle line, and of the gap after it
 
 
@@ -94,6 +95,7 @@ class Streets:
         offsets = np.array([offset for offset, _, _ in PROFILE])
         nodes = terrain.lifted(road.line[rows, None] + offsets[:, None] * road.left[rows, None])
         nodes[..., 2] += [height for _, height, _ in PROFILE]
+        nodes[..., 2] += ROUGH * noise(nodes[..., 0] / 0.7, nodes[..., 1] / 0.7, 0)
         corners = np.stack([nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:]], axis=2)
         places, at = nodes[..., :2].reshape(-1, 2), np.repeat(rows, len(PROFILE))
         before = self.distance_to_others(places, number, at, before=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from slam.data.cloud import Array
 from slam.simulation.drives import LANE, RATE, Drive
-from slam.simulation.mesh import Mesh, joined
+from slam.simulation.mesh import Mesh
 from slam.simulation.roadside import Stock
 from slam.simulation.streets import HALF_WIDTH, OUTSKIRTS, Road
 from slam.simulation.town import Town
@@ -49,7 +49,7 @@ class Traffic:
     def __len__(self) -> int:
         return len(self._movers)
 
-    def at(self, frame: int) -> Mesh:
+    def at(self, frame: int) -> list[Mesh]:
         """All that moves within SIGHT of the car in that frame."""
         here = self._drive.position[frame, :2]
         parts = []
@@ -58,7 +58,7 @@ class Traffic:
                 yaw = np.interp(mover.way[frame], self._metres, self._heading) + np.pi * mover.reverse
                 (pose,) = self._terrain.poses(places[frame : frame + 1], np.array([yaw]), 0.0, np.zeros((1, 3)))
                 parts.append(mover.mesh.moved(pose))
-        return joined(parts)
+        return parts
 
     def _admit(self, mover: Mover) -> None:
         """Take it in if it keeps its distance from the driven car and from the others, all the way."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 import open3d as o3d
 
 from slam.data.cloud import Array
-from slam.simulation.mesh import Mesh
+from slam.simulation import kernels
+from slam.simulation.mesh import Mesh, joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,30 +34,34 @@ class World:
     material  (T,) uint8 and colour (T, 3) uint8 of all triangles, those of the standing ones first
     """
 
-    def __init__(self, standing: StandingWorld, moving: Mesh) -> None:
+    def __init__(self, standing: StandingWorld, moving: Sequence[Mesh] = ()) -> None:
         self._standing = standing
-        self._moving = _Scene(moving, standing.scene.centre) if len(moving) else None
-        self.material = np.concatenate([standing.mesh.material, moving.material])
-        self.colour = np.concatenate([standing.mesh.colour, moving.colour])
+        self._moving = _Scene(joined(moving), standing.scene.centre) if moving else None
+        self._around = np.array([_sphere(mesh, standing.scene.centre) for mesh in moving])
+        self.material = np.concatenate([mesh.material for mesh in (standing.mesh, *moving)])
+        self.colour = np.concatenate([mesh.colour for mesh in (standing.mesh, *moving)])
 
     def cast(self, origin: Array, direction: Array) -> Hits:
         """The first triangle that each ray meets: origin (3,) or (N, 3), direction (N, 3) of any length but zero."""
         rays = self._standing.scene.rays(origin, direction)
         hits = self._standing.scene.cast(rays)
-        if self._moving is None:
-            return hits
-        over = self._moving.cast(rays)
-        nearer = np.flatnonzero(over.reach < hits.reach)
-        hits.reach[nearer] = over.reach[nearer]
-        hits.normal[nearer] = over.normal[nearer]
-        hits.triangle[nearer] = over.triangle[nearer] + len(self._standing.mesh)
+        if self._moving is not None:
+            near = kernels.rays_near(rays, self._around)
+            over = self._moving.cast(rays[near])
+            nearer = over.reach < hits.reach[near]
+            at = near[nearer]
+            hits.reach[at], hits.normal[at] = over.reach[nearer], over.normal[nearer]
+            hits.triangle[at] = over.triangle[nearer] + len(self._standing.mesh)
         return hits
 
     def hidden(self, origin: Array, direction: Array) -> Array:
         """(N,) bool: whether anything stands in a ray's way, at whatever distance."""
         rays = self._standing.scene.rays(origin, direction)
         found = self._standing.scene.hidden(rays)
-        return found if self._moving is None else found | self._moving.hidden(rays)
+        if self._moving is not None:
+            near = kernels.rays_near(rays, self._around)
+            found[near] |= self._moving.hidden(rays[near])
+        return found
 
 
 class StandingWorld:
@@ -79,16 +85,23 @@ class _Scene:
         triangles: Array = np.ascontiguousarray(mesh.triangles, np.uint32)
         self._scene.add_triangles(o3d.core.Tensor.from_numpy(vertices), o3d.core.Tensor.from_numpy(triangles))
 
-    def rays(self, origin: Array, direction: Array) -> Any:
+    def rays(self, origin: Array, direction: Array) -> Array:
+        """(N, 6) float32, as Open3D takes them."""
         rays: Array = np.empty((len(direction), 6), np.float32)
         rays[:, :3], rays[:, 3:] = origin - self.centre, direction
-        return o3d.core.Tensor.from_numpy(rays)
+        return rays
 
-    def cast(self, rays: Any) -> Hits:
-        answer = self._scene.cast_rays(rays, nthreads=1)
+    def cast(self, rays: Array) -> Hits:
+        answer = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)
         primitive = answer["primitive_ids"].numpy()
         triangle = np.where(primitive == self._scene.INVALID_ID, -1, primitive.astype(np.int64))
         return Hits(answer["t_hit"].numpy(), triangle, answer["primitive_normals"].numpy())
 
-    def hidden(self, rays: Any) -> Array:
-        return np.asarray(self._scene.test_occlusions(rays, nthreads=1).numpy())
+    def hidden(self, rays: Array) -> Array:
+        return np.array(self._scene.test_occlusions(o3d.core.Tensor.from_numpy(rays), nthreads=1).numpy())
+
+
+def _sphere(mesh: Mesh, centre: Array) -> Array:
+    """Around the middle of a mesh's bounds: x, y, z from `centre`, radius."""
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    return np.append((low + high) / 2 - centre, np.linalg.norm(high - low) / 2 + 0.01)

@@ -7,7 +7,7 @@ import pytest
 
 from slam.simulation.buildings import FOOT, building
 from slam.simulation.materials import INDEX, MATERIALS
-from slam.simulation.mesh import Mesh, joined
+from slam.simulation.mesh import Mesh
 from slam.simulation.roofs import EAVES
 from slam.simulation.world import Hits, StandingWorld, World
 
@@ -20,7 +20,7 @@ def houses(seeds: range = range(12)) -> list[tuple[float, float, Mesh]]:
 
 def seen_from_street(mesh: Mesh, half: float, low: float, high: float) -> tuple[Hits, np.ndarray, np.ndarray]:
     """What level rays towards +y meet, at which y, and of which material."""
-    world = World(StandingWorld(mesh), joined([]))
+    world = World(StandingWorld(mesh))
     x, z = np.meshgrid(np.arange(-half, half, 0.05), np.arange(low, high, 0.05))
     origin = np.column_stack([x.ravel(), np.full(x.size, -10.0), z.ravel()])
     hits = world.cast(origin, np.tile([0.0, 1.0, 0.0], (x.size, 1)))

@@ -36,7 +36,7 @@ def pose(x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> Array:
 
 
 def picture(mesh: Mesh, T: Array, look: Look = CLEAR, seed: int = 0) -> tuple[Array, Array]:
-    return render(World(StandingWorld(mesh), joined([])), T, look, np.random.default_rng(seed))
+    return render(World(StandingWorld(mesh)), T, look, np.random.default_rng(seed))
 
 
 def pixel(point: Array, T: Array) -> Array:

@@ -17,7 +17,7 @@ from slam.simulation.furniture import (
     wheelie_bin,
 )
 from slam.simulation.materials import INDEX, MATERIALS
-from slam.simulation.mesh import Mesh, joined
+from slam.simulation.mesh import Mesh
 from slam.simulation.world import StandingWorld, World
 
 Piece = tuple[Callable[[np.random.Generator], Mesh], float, float, float]
@@ -88,7 +88,7 @@ def test_most_fences_let_some_rays_through() -> None:
     origin = np.column_stack([x.ravel(), np.full(x.size, -5.0), z.ravel()])
     towards = np.tile([0.0, 1.0, 0.0], (x.size, 1))
     stopped = [
-        World(StandingWorld(fence(np.random.default_rng(seed), LENGTH)), joined([])).hidden(origin, towards).mean()
+        World(StandingWorld(fence(np.random.default_rng(seed), LENGTH))).hidden(origin, towards).mean()
         for seed in range(20)
     ]
     assert sum(0.05 < share < 0.95 for share in stopped) >= 10
@@ -96,7 +96,7 @@ def test_most_fences_let_some_rays_through() -> None:
 
 def test_signs_shine_to_the_street_and_are_grey_behind() -> None:
     for seed in range(15):
-        world = World(StandingWorld(sign(np.random.default_rng(seed))), joined([]))
+        world = World(StandingWorld(sign(np.random.default_rng(seed))))
         x, z = np.meshgrid(np.arange(-0.6, 0.6, 0.02), np.arange(1.6, 3.4, 0.02))
         for side, seen in ((-1, True), (1, False)):
             origin = np.column_stack([x.ravel(), np.full(x.size, 5.0 * side), z.ravel()])

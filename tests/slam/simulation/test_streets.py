@@ -15,7 +15,7 @@ def loop() -> tuple[Streets, Terrain, World]:
     drive = built_in("loop")
     streets = Streets(drive, np.random.default_rng(3))
     terrain = Terrain(drive.position, np.random.default_rng(3))
-    return streets, terrain, World(StandingWorld(joined(streets.surface(terrain))), joined([]))
+    return streets, terrain, World(StandingWorld(joined(streets.surface(terrain))))
 
 
 def heights(streets: Streets, terrain: Terrain, world: World, left: float, metres: np.ndarray) -> np.ndarray:

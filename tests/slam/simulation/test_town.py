@@ -44,7 +44,7 @@ def test_nothing_stands_in_the_way(grown: tuple[Drive, Town]) -> None:
     drive, town = grown
     whole = town.around(drive.position[len(drive) // 2, :2], 1e4)
     assert len(whole) == len(town)
-    hits = World(StandingWorld(whole), joined([])).cast(*swept(drive, town))
+    hits = World(StandingWorld(whole)).cast(*swept(drive, town))
     assert (hits.reach > 1.0).all()
 
 
@@ -65,7 +65,7 @@ def test_the_same_seed_grows_the_same_town_and_another_does_not() -> None:
 def test_a_real_way_gets_its_town(archives: Path) -> None:
     drive = from_file(archives / "trajectories" / "kitti_07_ground_truth.txt", spacing=1.5)
     town = town_of(drive, 0)
-    hits = World(StandingWorld(town.around(np.zeros(2), 1e4)), joined([])).cast(*swept(drive, town))
+    hits = World(StandingWorld(town.around(np.zeros(2), 1e4))).cast(*swept(drive, town))
     assert (hits.reach > 1.0).all()
 
 
@@ -76,7 +76,7 @@ def test_in_the_tunnel_every_direction_but_the_way_ends_at_its_wall() -> None:
     angle = np.linspace(0.3, np.pi - 0.3, 40)
     beams = np.column_stack([0.2 * np.ones(40), np.cos(angle), np.sin(angle)])
     eye = town.terrain.lifted(drive.position[frame, :2]) + 1.7 * STRAIGHT_UP
-    world = World(StandingWorld(town.around(eye[:2], 150)), joined([]))
+    world = World(StandingWorld(town.around(eye[:2], 150)))
     hits = [world.cast(eye + np.array([way, 0, 0]), beams).reach for way in (0.0, 5.5)]
     assert hits[0].max() < 15
     np.testing.assert_allclose(hits[0], hits[1], atol=0.02)  # it looks the same farther on
@@ -88,7 +88,7 @@ def test_traffic_keeps_its_distance(grown: tuple[Drive, Town]) -> None:
     assert len(traffic) > 0
     seen = 0
     for frame in range(0, len(drive), 12):
-        moving = traffic.at(frame)
+        moving = joined(traffic.at(frame))
         seen += len(moving) > 0
         if len(moving):
             apart = np.linalg.norm(moving.vertices[:, :2] - drive.position[frame, :2], axis=1)

@@ -7,7 +7,7 @@ import pytest
 
 from slam.data.cloud import Array
 from slam.simulation.materials import INDEX
-from slam.simulation.mesh import Mesh, joined
+from slam.simulation.mesh import Mesh
 from slam.simulation.vegetation import bush, conifer, deciduous, hedge, poplar, tree
 from slam.simulation.world import StandingWorld, World
 
@@ -28,7 +28,7 @@ def areas(mesh: Mesh) -> Array:
 def passing(mesh: Mesh, x: Array, z: Array) -> float:
     """Share of the rays along y, at x and z, that meet nothing."""
     origin = np.column_stack([x, np.full(x.size, -20.0), z])
-    hits = World(StandingWorld(mesh), joined([])).cast(origin, np.tile([0.0, 1.0, 0.0], (x.size, 1)))
+    hits = World(StandingWorld(mesh)).cast(origin, np.tile([0.0, 1.0, 0.0], (x.size, 1)))
     return float((hits.triangle < 0).mean())
 
 
@@ -82,7 +82,7 @@ def test_a_crown_lets_some_rays_pass_and_spreads_the_rest_over_its_depth(plant: 
         x, z = (a.ravel() for a in np.meshgrid(np.linspace(left, right, 50), np.linspace(low, high, 50)))
         assert 0.15 < passing(mesh, x, z) < 0.85
         origin = np.column_stack([x, np.full(x.size, -20.0), z])
-        reach = World(StandingWorld(mesh), joined([])).cast(origin, np.tile([0.0, 1.0, 0.0], (x.size, 1))).reach
+        reach = World(StandingWorld(mesh)).cast(origin, np.tile([0.0, 1.0, 0.0], (x.size, 1))).reach
         nearest, deep = np.percentile(reach[np.isfinite(reach)], [5, 95])
         assert deep - nearest > 0.4 * np.ptp(leaves[:, 1])
 

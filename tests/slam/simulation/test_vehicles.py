@@ -7,7 +7,7 @@ import pytest
 
 from slam.data.cloud import Array
 from slam.simulation.materials import INDEX
-from slam.simulation.mesh import Mesh, joined
+from slam.simulation.mesh import Mesh
 from slam.simulation.vehicles import SHAPES, bicycle, car, person
 from slam.simulation.world import Hits, StandingWorld, World
 
@@ -25,7 +25,7 @@ def areas(mesh: Mesh) -> Array:
 
 
 def cast(mesh: Mesh, origin: list[list[float]], direction: list[float]) -> Hits:
-    return World(StandingWorld(mesh), joined([])).cast(np.array(origin), np.tile(direction, (len(origin), 1)))
+    return World(StandingWorld(mesh)).cast(np.array(origin), np.tile(direction, (len(origin), 1)))
 
 
 @pytest.mark.parametrize("make", [car, bicycle, person])
