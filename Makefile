@@ -5,12 +5,15 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test lint benchmark clean
+.PHONY: help setup demo test lint benchmark clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
 setup: $(READY) ## install into .venv what is missing: Debian packages, Python packages, the command lidarlift
+
+demo: setup ## no data needed: simulate a drive, run it at 16 and 64 channels, compare (ARGS="--quick": 100 frames)
+	@$(BIN)/lidarlift demo $(ARGS)
 
 test: setup ## run the tests (ARGS="-k ndt" for some of them; real drives: see CONTRIBUTING.md)
 	@$(BIN)/pytest -n 2 $(ARGS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from io import StringIO
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,22 @@ ROWS: tuple[tuple[str, tuple[str, ...], str, int], ...] = (
     ("Paper's Table III: RPE translation, delta 1 frame, Umeyama", ("paper_table_iii",), "m", 4),
 )
 
+#: Column title, key in an input's figures of a comparison, format.
+COLUMNS: tuple[tuple[str, str, str], ...] = (
+    ("ATE\n[m]", "ate_m", ".3f"),
+    ("RPE\n[m]", "rpe_m", ".4f"),
+    ("RPE\n[deg]", "rpe_deg", ".4f"),
+    ("drift\n[%]", "drift_percent", ".3f"),
+    ("drift\n[deg/100 m]", "drift_deg_per_100m", ".3f"),
+    ("path\n[m]", "path_m", ".1f"),
+    ("frames", "frames", "d"),
+    ("failed", "failed", "d"),
+    ("map\npoints", "map_points", ",d"),
+    ("points\na scan", "points_per_scan", ",d"),
+    ("front end\n[ms]", "front_end_ms", ".1f"),
+    ("odometry\n[ms]", "odometry_ms", ".1f"),
+)
+
 
 def format_table(evaluations: Mapping[str, Metrics], protocol: Mapping[str, str] | None = None) -> str:
     """Two tables and their notes as plain text without colour; tables are as wide as they need to be, never cut.
@@ -30,15 +46,21 @@ def format_table(evaluations: Mapping[str, Metrics], protocol: Mapping[str, str]
     `evaluations` maps a name ("slam", "16", a file) to what `evaluate` returned; `protocol` is what `evaluate_files`
     or `evaluate_run` put beside it and is printed line by line below.
     """
-    parts = [_render(_errors(evaluations)), _render(_drift(evaluations))]
     notes = [f"{name}: {note}" for name, metrics in evaluations.items() for note in metrics.get("notes", ())]
     drifts = [(name, metrics["drift"]) for name, metrics in evaluations.items()]
     notes += [f"{name}: no drift, {drift['reason']}" for name, drift in drifts if drift["reason"]]
-    if notes:
-        parts.append("Notes\n" + _paragraphs(notes))
-    if protocol:
-        parts.append("Protocol\n" + _paragraphs([f"{name}: {text}" for name, text in protocol.items()]))
-    return "\n".join(parts)
+    return _with_notes([_errors(evaluations), _drift(evaluations)], notes, protocol or {})
+
+
+def format_comparison(comparison: Mapping[str, Any]) -> str:
+    """What `compare_runs` returned as a table with a row an input, its notes and its protocol, as `format_table`."""
+    inputs = comparison["inputs"]
+    table = _table("Input", *(title for title, _, _ in COLUMNS), left=1)
+    for name, figures in inputs.items():
+        values = ((figures[key], form) for _, key, form in COLUMNS)
+        table.add_row(name, *("-" if value is None else format(value, form) for value, form in values))
+    notes = [f"{name}: {note}" for name, figures in inputs.items() for note in figures["notes"]]
+    return _with_notes([table], notes, comparison["protocol"])
 
 
 def number(value: float | None, decimals: int) -> str:
@@ -86,7 +108,16 @@ def _table(*columns: str, left: int) -> Table:
     return table
 
 
-def _paragraphs(texts: list[str]) -> str:
+def _with_notes(tables: Sequence[Table], notes: Sequence[str], protocol: Mapping[str, str]) -> str:
+    parts = [_render(table) for table in tables]
+    if notes:
+        parts.append("Notes\n" + _paragraphs(notes))
+    if protocol:
+        parts.append("Protocol\n" + _paragraphs([f"{name}: {text}" for name, text in protocol.items()]))
+    return "\n".join(parts)
+
+
+def _paragraphs(texts: Sequence[str]) -> str:
     return "".join(fill(text, 118, initial_indent="  ", subsequent_indent="    ") + "\n" for text in texts)
 
 

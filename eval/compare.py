@@ -1,0 +1,74 @@
+"""Runs over the same drive beside each other: accuracy, and what it took."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from eval.evaluation import Metrics
+from slam.data.errors import InputError
+
+#: What the figures of a comparison mean, to be printed beside them.
+PROTOCOL = {
+    "ATE, RPE": "rmse by evo: ATE after SE(3) Umeyama alignment, without scale; RPE over consecutive frames",
+    "drift": "KITTI devkit's odometry metric, no alignment",
+    "points a scan": "median of what is handed to the odometry, before it is thinned",
+    "front end, odometry": "median milliseconds a frame: from the scan as read to the points handed over, and from "
+    "these to the pose",
+}
+
+
+def compare_runs(folders: Mapping[str, Path]) -> dict[str, Any]:
+    """What compare.json holds, for the run folder of each input ("16", "64"): {"inputs": ..., "protocol": ...}.
+
+    Each input has its figures, None where there is no ground truth or the drive is too short: `ate_m`, `rpe_m`,
+    `rpe_deg`, `drift_percent`, `drift_deg_per_100m` and `drift_name`, `path_m`, `frames`, `failed`, `map_points`,
+    `points_per_scan`, `front_end_ms`, `odometry_ms`, and `notes`. Raises InputError where a folder holds no whole run.
+    """
+    inputs = {name: _figures(folder) for name, folder in folders.items()}
+    segments = sorted({figures["drift_name"] for figures in inputs.values() if figures["drift_name"]})
+    drift = "; ".join([PROTOCOL["drift"], *segments])
+    return {"inputs": inputs, "protocol": PROTOCOL | {"drift": drift}}
+
+
+def _figures(folder: Path) -> dict[str, Any]:
+    try:
+        report = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        metrics = folder / "metrics.json"
+        accuracy = _accuracy(json.loads(metrics.read_text(encoding="utf-8"))["slam"] if metrics.exists() else None)
+        with (folder / "timings.csv").open(encoding="utf-8") as file:
+            points = [int(row["points"]) for row in csv.DictReader(file)]
+        times = report["timings_ms"]
+        return accuracy | {
+            "path_m": report["path_length_m"],
+            "frames": report["counts"]["frames"],
+            "failed": report["counts"]["failed"],
+            "map_points": report["map_points"],
+            "points_per_scan": round(median(points)),
+            "front_end_ms": times["front_end"]["median"],
+            "odometry_ms": times["odometry"]["median"],
+        }
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise InputError(f"{folder}: no whole run to compare ({reason}); run it again") from error
+
+
+def _accuracy(metrics: Metrics | None) -> dict[str, Any]:
+    """The figures against ground truth, from the entry `slam` of metrics.json."""
+    if metrics is None:
+        names = ("ate_m", "rpe_m", "rpe_deg", "drift_percent", "drift_deg_per_100m", "drift_name")
+        return {**dict.fromkeys(names), "notes": ["no ground truth: no ATE, RPE or drift"]}
+    drift = metrics["drift"]
+    return {
+        "ate_m": metrics["ate"]["aligned"]["rmse"],
+        "rpe_m": metrics["rpe"]["frame"]["rmse"],
+        "rpe_deg": metrics["rpe"]["frame_rotation"]["rmse"],
+        "drift_percent": drift["translation_percent"],
+        "drift_deg_per_100m": drift["rotation_deg_per_100m"],
+        "drift_name": drift["name"],
+        "notes": [*metrics["notes"], *([f"no drift, {drift['reason']}"] if drift["reason"] else [])],
+    }

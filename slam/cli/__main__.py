@@ -1,0 +1,5 @@
+"""`python -m slam.cli` is `lidarlift`."""
+
+from slam.cli import main
+
+main()

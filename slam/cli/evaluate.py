@@ -1,0 +1,27 @@
+"""`lidarlift evaluate`: two trajectory files against each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def evaluate(
+    estimate: Annotated[Path, typer.Argument(help="Trajectory, KITTI or TUM format.")],
+    reference: Annotated[Path, typer.Argument(help="Ground truth, KITTI or TUM format.")],
+    calib: Annotated[
+        Path | None, typer.Option(help="KITTI calib.txt: brings a camera-0 reference into the LiDAR's frame.")
+    ] = None,
+) -> None:
+    """Compare a trajectory with ground truth: ATE, RPE and KITTI's drift, each with its protocol.
+
+    Example: `lidarlift evaluate runs/04/trajectory_kitti.txt poses/04.txt --calib sequences/04/calib.txt`
+    """
+    from eval.evaluation import evaluate_files
+    from eval.tables import format_table
+
+    metrics = evaluate_files(estimate, reference, calib)
+    protocol = metrics.pop("protocol")
+    print(format_table({estimate.name: metrics}, protocol))

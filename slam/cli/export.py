@@ -1,0 +1,97 @@
+"""`lidarlift export`: a run's trajectory or map in another format or frame."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from slam.data.errors import InputError
+
+if TYPE_CHECKING:
+    from slam.data.cloud import Array
+
+
+class Format(StrEnum):
+    KITTI = "kitti"
+    TUM = "tum"
+    PCD = "pcd"
+    PLY = "ply"
+
+
+class Axes(StrEnum):
+    LIDAR = "lidar"
+    CAMERA = "camera"
+
+
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A folder that `lidarlift run` wrote.")],
+    out: Annotated[Path, typer.Argument(help="The file to write.")],
+    format: Annotated[
+        Format | None, typer.Option(help="kitti or tum: the trajectory; pcd or ply: the map. Default: by the suffix.")
+    ] = None,
+    frame: Annotated[
+        Axes, typer.Option(help="lidar: x forward, z up, as in the run; camera: KITTI's camera 0, z forward.")
+    ] = Axes.LIDAR,
+) -> None:
+    """Write a run's trajectory or map in another format or frame.
+
+    Example: `lidarlift export runs/04 04.txt --format kitti --frame camera`
+    """
+    T = _new_axes(folder, frame)
+    kind = format or _format_of(out)
+    if kind in (Format.KITTI, Format.TUM):
+        _export_trajectory(folder, out, kind, T)
+    else:
+        suffix = f".{kind.value}"
+        out = out if out.suffix.lower() == suffix else out.with_name(out.name + suffix)
+        _export_map(folder, out, T)
+    print(f"Written to {out}")
+
+
+def _new_axes(folder: Path, frame: Axes) -> Array:
+    """T (4, 4) from the LiDAR's axes, which a run is written in, into those of `frame`."""
+    import numpy as np
+
+    from slam.session import read_report
+
+    report = read_report(folder)
+    if frame is Axes.LIDAR:
+        return np.eye(4)
+    T = report.get("T_camera0_lidar")
+    if T is None:
+        raise InputError(f"{folder / 'run.json'}: the run had no calibration of a camera 0; export with --frame lidar")
+    return np.array(T)
+
+
+def _format_of(out: Path) -> Format:
+    suffix = out.suffix.lower().removeprefix(".")
+    if suffix not in ("pcd", "ply"):
+        raise InputError(f"{out}: say what to write, --format kitti, tum, pcd or ply")
+    return Format(suffix)
+
+
+def _export_trajectory(folder: Path, out: Path, kind: Format, T: Array) -> None:
+    import numpy as np
+
+    from slam.data.atomic import write_text
+    from slam.data.pose_files import kitti_text, read_poses, tum_text
+    from slam.data.se3 import inverse
+
+    stamps, poses = read_poses(folder / "trajectory_tum.txt")
+    poses = T @ poses @ inverse(T)
+    write_text(out, kitti_text(poses) if kind is Format.KITTI else tum_text(np.asarray(stamps), poses))
+
+
+def _export_map(folder: Path, out: Path, T: Array) -> None:
+    import numpy as np
+
+    from slam.data.cloud import PointCloud
+    from slam.data.point_files import read_points
+    from slam.data.point_writer import write_points
+
+    points = read_points(folder / "map.pcd")
+    intensity = np.zeros(len(points.xyz)) if points.intensity is None else points.intensity
+    write_points(out, PointCloud(points.xyz, intensity).transformed(T))

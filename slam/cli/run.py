@@ -1,0 +1,73 @@
+"""`lidarlift run`: a drive becomes a run folder."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from slam.cli.arguments import frame_slice
+from slam.cli.run_folder import run_into
+from slam.config import load_config, preset_names
+from slam.data.errors import InputError
+
+
+class Input(StrEnum):
+    SIXTY_FOUR = "64"
+    SIXTEEN = "16"
+
+
+def run(
+    dataset: Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")],
+    sequence: Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")] = None,
+    input: Annotated[
+        Input | None, typer.Option(help="64: the scan as recorded; 16: rings dropped. Default: what the sensor has.")
+    ] = None,
+    config: Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")] = None,
+    frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
+    sensor: Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML file with the beams.")] = None,
+    out: Annotated[Path | None, typer.Option(help="The run folder. Default: runs/NAME-INPUT.")] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Stop at the first damaged file instead of going on.")
+    ] = False,
+) -> None:
+    """Drive through a data set: trajectory, map, and ATE, RPE and drift where there is ground truth.
+
+    Example: `lidarlift run kitti/sequences/04 --frames 0:50 --set odometry.voxel_size=1.25 --out runs/04`
+    """
+    from eval.tables import format_table
+    from slam.data.dataset import open_dataset
+    from slam.session import read_report
+
+    data = open_dataset(dataset, sequence, sensor)
+    few_rings = data.sensor is not None and data.sensor.ring_count <= 16
+    if few_rings and input is Input.SIXTY_FOUR:
+        raise InputError(f"{dataset}: its sensor has no 64 rings; leave --input out")
+    channels = input.value if input else "16" if few_rings else None
+    settings = load_config(config, set_ or (), input=channels)
+    folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{settings.front_end.input}"
+
+    metrics = run_into(folder, data, settings, frame_slice(frames), strict=strict)
+    print(_summary(read_report(folder)))
+    if metrics:
+        print(format_table({"odometry": metrics["odometry"]}, metrics["protocol"]))
+    else:
+        print("No ground truth: no ATE, RPE or drift.")
+    print(f"Written to {folder}: {', '.join(sorted(file.name for file in folder.iterdir()))}")
+
+
+def _summary(report: dict[str, Any]) -> str:
+    """What was run, and how it went, in a few lines; `report` is run.json."""
+    protocol, counts, times = report["protocol"], report["counts"], report["timings_ms"]
+    odometry = protocol["config"]["odometry"]
+    return (
+        f"{protocol['dataset']}, {protocol['input']} channels, deskew {'on' if protocol['deskew'] else 'off'}, "
+        f"vertical correction {protocol['vertical_correction_deg']:.3f} deg, "
+        f"registration {odometry['registration']} against the {odometry['target']}\n"
+        f"{counts['frames']} frames, {report['path_length_m']:.2f} m; {counts['retried']} registered after a search, "
+        f"{counts['failed']} failed; map of {report['map_points']:,} points\n"
+        f"Median a frame: odometry {times['odometry']['median']:.1f} ms, map {times['map']['median']:.1f} ms\n"
+    )

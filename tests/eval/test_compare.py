@@ -1,0 +1,103 @@
+"""Run folders beside each other."""
+
+import json
+
+import numpy as np
+import pytest
+
+from eval.compare import compare_runs
+from eval.evaluation import evaluate, write_json
+from eval.tables import COLUMNS, format_comparison
+from slam.data.errors import InputError
+
+
+def line(length, count=101):
+    """Poses straight on."""
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, 0, 3] = np.linspace(0, length, count)
+    return poses
+
+
+@pytest.fixture
+def run_folder(tmp_path):
+    """`run_folder("16", 101.0)`: a run, as far as a comparison reads it, whose path of 100 m was found 101 m long."""
+
+    def write(name, length, reference=100.0, failed=0):
+        folder = tmp_path / name
+        folder.mkdir()
+        report = {
+            "counts": {"frames": 101, "failed": failed},
+            "path_length_m": length,
+            "map_points": 1_234_567,
+            "timings_ms": {"front_end": {"median": 1.25, "p95": 3.0}, "odometry": {"median": 12.5, "p95": 20.0}},
+        }
+        (folder / "run.json").write_text(json.dumps(report))
+        (folder / "timings.csv").write_text("frame,points\n0,9000\n1,30000\n2,10000\n")
+        if reference:
+            metrics = {"slam": evaluate(line(length), line(reference)), "odometry": None, "protocol": {}}
+            write_json(folder / "metrics.json", metrics)
+        return folder
+
+    return write
+
+
+def test_the_figures_of_each_input(run_folder):
+    comparison = compare_runs({"16": run_folder("a", 101.0, failed=2), "64": run_folder("b", 100.0)})
+    json.dumps(comparison, allow_nan=False)
+    sixteen, sixty_four = comparison["inputs"]["16"], comparison["inputs"]["64"]
+    assert sixteen["ate_m"] == pytest.approx(0.01 * np.std(np.linspace(0, 100, 101)), abs=1e-6)
+    assert sixteen["rpe_m"] == pytest.approx(0.01)
+    assert sixteen["drift_percent"] == pytest.approx(1.0, rel=0.03)
+    assert sixteen["drift_name"] == "short drive, 50 m"
+    assert (sixteen["frames"], sixteen["failed"], sixteen["path_m"]) == (101, 2, 101.0)
+    assert (sixteen["map_points"], sixteen["points_per_scan"]) == (1_234_567, 10_000)
+    assert (sixteen["front_end_ms"], sixteen["odometry_ms"]) == (1.25, 12.5)
+    assert (sixty_four["ate_m"], sixty_four["failed"]) == (pytest.approx(0, abs=1e-9), 0)
+    assert list(sixteen) == list(sixty_four)
+
+
+def test_a_row_an_input(run_folder):
+    folders = {"16": run_folder("a", 101.0, failed=2), "enriched": run_folder("b", 100.0)}
+    text = format_comparison(compare_runs(folders))
+    above, below, _, sixteen, enriched = text.splitlines()[:5]
+    words = " ".join(title for title, _, _ in COLUMNS).split()
+    assert sorted([*above.split(), *below.split()]) == sorted(["Input", *words])
+    assert sixteen.split()[0] == "16"
+    assert sixteen.split()[-7:] == ["101.0", "101", "2", "1,234,567", "10,000", "1.2", "12.5"]
+    assert enriched.split()[:3] == ["enriched", "0.000", "0.0000"]
+    assert "ATE after SE(3) Umeyama alignment" in text
+    assert "drift: KITTI devkit's odometry metric, no alignment; short drive, 50 m" in text
+    assert "16: " in text.partition("Notes")[2]  # on a line the alignment is not unique
+
+
+def test_no_ground_truth(run_folder):
+    comparison = compare_runs({"64": run_folder("a", 100.0, reference=None)})
+    assert comparison["inputs"]["64"]["ate_m"] is None
+    row = format_comparison(comparison).splitlines()[3]
+    assert row.split() == ["64", *5 * ["-"], "100.0", "101", "0", "1,234,567", "10,000", "1.2", "12.5"]
+    assert "64: no ground truth" in format_comparison(comparison)
+
+
+def test_a_drive_too_short_for_drift(run_folder):
+    comparison = compare_runs({"64": run_folder("a", 5.0, reference=5.0)})
+    figures = comparison["inputs"]["64"]
+    assert figures["drift_percent"] is None
+    assert figures["ate_m"] is not None
+    assert "64: no drift, the reference's path of 5.0 m" in format_comparison(comparison)
+
+
+@pytest.mark.parametrize("file", ["run.json", "metrics.json", "timings.csv"])
+@pytest.mark.parametrize("content", ["", "[]", "{}"])
+def test_a_run_that_is_not_whole(run_folder, file, content):
+    folder = run_folder("a", 100.0)
+    (folder / file).write_text(content)
+    with pytest.raises(InputError, match="no whole run to compare"):
+        compare_runs({"64": folder})
+
+
+@pytest.mark.parametrize("file", ["run.json", "timings.csv"])
+def test_a_run_without_a_file(run_folder, file):
+    folder = run_folder("a", 100.0)
+    (folder / file).unlink()
+    with pytest.raises(InputError, match=file):
+        compare_runs({"64": folder})

@@ -1,0 +1,57 @@
+"""`lidarlift export`: trajectories and maps in other formats and frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slam.data.point_files import read_points
+from slam.data.pose_files import read_poses
+
+Command = Callable[..., Any]
+
+
+@pytest.mark.usefixtures("finished")
+@pytest.mark.parametrize("kind", ["kitti", "tum"])
+def test_trajectories_are_exported(lidarlift: Command, kind: str) -> None:
+    assert lidarlift("export", "r", "new/out.txt", "--format", kind).code == 0
+    stamps, poses = read_poses(Path("new/out.txt"))
+    assert poses == pytest.approx(read_poses(Path("r/trajectory_tum.txt"))[1], abs=1e-8)
+    assert (stamps is None) == (kind == "kitti")
+
+
+@pytest.mark.usefixtures("finished")
+def test_maps_are_exported(lidarlift: Command) -> None:
+    """By the suffix; camera 0 has z ahead where the LiDAR has x."""
+    assert lidarlift("export", "r", "map.ply").code == 0
+    assert lidarlift("export", "r", "camera.pcd", "--frame", "camera").code == 0
+    own, ply, camera = (read_points(Path(name)) for name in ("r/map.pcd", "map.ply", "camera.pcd"))
+    np.testing.assert_array_equal(ply.xyz, own.xyz)
+    np.testing.assert_array_equal(ply.intensity, own.intensity)
+    x, y, z = own.xyz.T
+    assert camera.xyz == pytest.approx(np.column_stack([-y + 0.1, -z + 0.2, x + 0.3]), abs=1e-4)
+
+
+@pytest.mark.usefixtures("finished")
+def test_export_asks_what_to_write(lidarlift: Command) -> None:
+    lidarlift("export", "r", "out.txt").refused("--format kitti, tum, pcd or ply")
+
+
+@pytest.mark.parametrize(
+    "arguments", [("o.txt", "--format", "kitti"), ("o.ply",), ("o.txt", "--format", "tum", "--frame", "camera")]
+)
+def test_export_of_what_is_no_run(lidarlift: Command, tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    (tmp_path / "empty").mkdir()
+    lidarlift("export", "empty", *arguments).refused("empty")
+    assert not Path(arguments[0]).exists()
+
+
+@pytest.mark.parametrize("content", ["{}", "3"])
+def test_a_run_json_of_something_else(lidarlift: Command, tmp_path: Path, content: str) -> None:
+    (tmp_path / "trajectory_tum.txt").write_text("0 0 0 0 0 0 0 1\n")
+    (tmp_path / "run.json").write_text(content)
+    lidarlift("export", tmp_path, "o.txt", "--format", "kitti", "--frame", "camera").refused("run.json")

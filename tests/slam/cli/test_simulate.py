@@ -1,0 +1,71 @@
+"""`lidarlift simulate`: what is asked for is simulated, and the next command is told."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from slam.simulation.simulation import Settings
+
+Command = Callable[..., Any]
+
+
+def test_a_drive_that_the_next_command_takes(lidarlift: Command, simulated: list[Settings]) -> None:
+    result = lidarlift("simulate", "my town", "--frames", "3")
+    assert result.code == 0, result.err
+    assert simulated == [Settings()]
+    assert len(list(Path("my town/sequences/77/velodyne").iterdir())) == 3
+    assert "3 frames of hdl64" in result.out
+    assert "frames/s" in result.err
+    following = shlex.split(result.out.partition("Next: ")[2])
+    assert following == ["lidarlift", "run", "my town", "--out", "runs/my town"]
+    assert lidarlift(*following[1:]).code == 0
+    assert Path("runs/my town/metrics.json").exists()
+
+
+def test_every_option_reaches_the_simulation(lidarlift: Command, simulated: list[Settings]) -> None:
+    options = ["--drive", "jam", "--sensor", "vlp16", "--spacing", "0.5", "--distort", "--seed", "3", "--with-depth"]
+    assert lidarlift("simulate", "town", *options).code == 0
+    assert lidarlift("simulate", "town", "--trajectory", "poses.txt").code == 0
+    assert simulated == [
+        Settings("jam", spacing=0.5, sensor="vlp16", distort=True, seed=3, depth=True),
+        Settings(trajectory=Path("poses.txt")),
+    ]
+
+
+@pytest.mark.usefixtures("simulated")
+def test_no_more_frames_than_the_drive_has(lidarlift: Command) -> None:
+    assert "8 frames" in lidarlift("simulate", "town", "--frames", "100").out
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--drive", "loop", "--trajectory", "poses.txt"),
+        ("--drive", "circle"),
+        ("--sensor", "vlp32"),
+        ("--frames", "0"),
+        ("--spacing", "0"),
+    ],
+)
+def test_options_that_make_no_sense(lidarlift: Command, simulated: list[Settings], options: tuple[str, ...]) -> None:
+    result = lidarlift("simulate", "town", *options)
+    assert result.code == 2
+    assert "Usage" in result.err
+    assert options[-2] in result.err
+    assert not simulated
+
+
+def test_a_trajectory_that_is_not_there(lidarlift: Command) -> None:
+    lidarlift("simulate", "town", "--trajectory", "nowhere.txt").refused("nowhere.txt")
+    assert not Path("town").exists()
+
+
+def test_a_file_in_the_folders_place(lidarlift: Command) -> None:
+    Path("town").write_text("mine")
+    lidarlift("simulate", "town").refused("town")
+    assert Path("town").read_text() == "mine"
