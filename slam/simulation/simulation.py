@@ -9,6 +9,7 @@ import os
 import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -82,7 +83,8 @@ class Simulation:
         """The first `frames`, or all; those that the folder has are kept, so that a broken-off run goes on.
 
         `on_frame` is called for each, kept or written. Raises InputError where the folder holds something else or
-        cannot be written; no file is half there then.
+        cannot be written; no file is half there then. Frames are shared out among processes, which import the main
+        module again: in a script, call this under `if __name__ == "__main__":`.
         """
         if not self.matches(folder):
             raise InputError(f"{folder}: holds something else already; name a new folder, or empty this one")
@@ -120,6 +122,10 @@ class Simulation:
                 for written in as_completed([pool.submit(_write_one, sequence, number) for number in numbers]):
                     written.result()
                     on_frame()
+            except BrokenProcessPool as error:
+                raise InputError(
+                    f"{sequence}: a process was killed, perhaps for memory; start again to go on"
+                ) from error
             except BaseException:
                 pool.shutdown(wait=True, cancel_futures=True)
                 raise

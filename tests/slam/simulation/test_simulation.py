@@ -81,6 +81,30 @@ def test_the_same_settings_give_the_same_bytes(jam: tuple[Simulation, Path], tmp
     assert contents(tmp_path / "again") == contents(folder)
 
 
+def test_processes_write_the_same_bytes(
+    jam: tuple[Simulation, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulation, folder = jam
+    monkeypatch.setattr("slam.simulation.simulation.FEW", 0)
+    calls: list[int] = []
+    simulation.write(tmp_path / "jam", 3, lambda: calls.append(0))
+    assert len(calls) == 3
+    assert contents(tmp_path / "jam") == contents(folder)
+
+
+def test_what_goes_wrong_in_a_process_is_told(
+    jam: tuple[Simulation, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulation, _ = jam
+    monkeypatch.setattr("slam.simulation.simulation.FEW", 0)
+    (tmp_path / "jam").mkdir()
+    (tmp_path / "jam" / "simulation.json").write_text(simulation._about())
+    (tmp_path / "jam" / "sequences" / "00").mkdir(parents=True)
+    (tmp_path / "jam" / "sequences" / "00" / "image_2").write_text("in the way")
+    with pytest.raises(InputError, match=r"image_2/00000\d.png: cannot be written"):
+        simulation.write(tmp_path / "jam", 3)
+
+
 def test_a_frame_does_not_depend_on_those_before(jam: tuple[Simulation, Path]) -> None:
     simulation, folder = jam
     alone = Simulation(simulation.settings).rig.frame(2)
