@@ -32,7 +32,8 @@ class KittiOdometry(KittiDrive):
     """
 
     def __init__(self, path: Path, sensor: str | Path | None = None) -> None:
-        self.name = f"KITTI odometry {path.name}"
+        maker = path.parent.parent.name if (path / "sensor.yaml").is_file() else "KITTI odometry"  # another's sensor
+        self.name = f"{maker} {path.name}"
         lasers = kitti_sensor(path, sensor, motion_compensated=True)
         super().__init__(path, lasers, path / "velodyne", path / "image_2")
         self.stamps, slow = self._read_stamps()

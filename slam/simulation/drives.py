@@ -189,6 +189,8 @@ def _spaced(drive: Drive, spacing: float | None) -> Drive:
     """A frame every `spacing` metres of the way, at ten frames a second; None: as it is."""
     if spacing is None:
         return drive
+    if not 0 < spacing <= JUMP:
+        raise InputError(f"a spacing of {spacing:g} m: frames can be up to {JUMP:g} m apart")
     way = drive.way
     moving = np.concatenate([[True], np.diff(way) > 0])
     at = np.arange(0.0, way[-1], spacing)

@@ -53,7 +53,7 @@ def test_run_json_says_how_it_was_run(street_drive: Drive, tmp_path: Path) -> No
     result = run(path, slice(2, 8))
     report = read_report(save_run(result, tmp_path / "run"))
     protocol = report["protocol"]
-    assert protocol["dataset"] == "KITTI odometry 77"
+    assert protocol["dataset"] == "kitti 77"
     assert Path(protocol["path"]) == path
     assert protocol["sensor"] == "hdl64"
     assert protocol["frames"] == [2, 8, 1]

@@ -52,7 +52,7 @@ def test_frames_and_input(lidarlift: Command, street_drive: Drive) -> None:
     """Without --out the folder is named by the drive and the channels."""
     result = lidarlift("run", street_drive(), "--frames", "2:6", "--input", "16")
     assert result.code == 0, result.err
-    folder = Path("runs/kitti-odometry-77-16")
+    folder = Path("runs/kitti-77-16")
     report = read_report(folder)
     assert report["protocol"]["frames"] == [2, 6, 1]
     assert report["protocol"]["input"] == "16"

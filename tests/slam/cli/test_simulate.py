@@ -49,7 +49,6 @@ def test_no_more_frames_than_the_drive_has(lidarlift: Command) -> None:
         ("--drive", "circle"),
         ("--sensor", "vlp32"),
         ("--frames", "0"),
-        ("--spacing", "0"),
     ],
 )
 def test_options_that_make_no_sense(lidarlift: Command, simulated: list[Settings], options: tuple[str, ...]) -> None:

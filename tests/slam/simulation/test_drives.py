@@ -103,3 +103,9 @@ def jump() -> Array:
     shift = np.zeros((4, 4))
     shift[1, 3] = 30.0
     return shift
+
+
+@pytest.mark.parametrize("spacing", [0.0, -1.0, 11.0, float("nan"), float("inf")])
+def test_a_spacing_that_no_drive_can_have_is_refused(spacing: float) -> None:
+    with pytest.raises(InputError, match="a spacing of .* m: frames can be up to 10 m apart"):
+        built_in("loop", spacing)
