@@ -395,20 +395,35 @@ def develop(light, width, exposure, noise, grain, curve):
 
 
 @njit(cache=True, nogil=True)
+def rays(origin, direction, centre):
+    """Origins (1, 3) or (N, 3) less a centre (3,), and directions (N, 3), side by side: (N, 6) float32."""
+    together = np.empty((len(direction), 6), np.float32)
+    common = len(origin) == 1
+    for i in range(len(direction)):
+        at = 0 if common else i
+        for axis in range(3):
+            together[i, axis] = origin[at, axis] - centre[axis]
+            together[i, 3 + axis] = direction[i, axis]
+    return together
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def rays_near(rays, spheres):
-    """Which rays (N, 6) pass through one of the spheres (K, 4: centre, radius) or begin in it: their indices (M,)."""
+    """Which rays (N, 6) pass through one of the spheres (4, K: centre, radius) or begin in it: their indices (M,)."""
     found = np.empty(len(rays), np.int64)
     count = 0
+    cx, cy, cz, radius = spheres[0], spheres[1], spheres[2], spheres[3]
     for i in range(len(rays)):
+        ox, oy, oz = rays[i, 0], rays[i, 1], rays[i, 2]
         dx, dy, dz = rays[i, 3], rays[i, 4], rays[i, 5]
         squared = dx * dx + dy * dy + dz * dz
-        for k in range(len(spheres)):
-            x, y, z = spheres[k, 0] - rays[i, 0], spheres[k, 1] - rays[i, 1], spheres[k, 2] - rays[i, 2]
-            away, radius = x * x + y * y + z * z, spheres[k, 3]
+        near = 0
+        for k in range(len(radius)):  # without a way out, so that it is done several at a time
+            x, y, z = cx[k] - ox, cy[k] - oy, cz[k] - oz
+            outside = x * x + y * y + z * z - radius[k] * radius[k]
             along = x * dx + y * dy + z * dz
-            beside = away * squared - along * along <= radius * radius * squared
-            if away <= radius * radius or (along > 0.0 and beside):
-                found[count] = i
-                count += 1
-                break
+            near |= (outside <= 0.0) | ((along > 0.0) & (outside * squared <= along * along))
+        if near:
+            found[count] = i
+            count += 1
     return found[:count]

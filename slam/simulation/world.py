@@ -19,7 +19,7 @@ class Hits:
     """Where N rays end first.
 
     reach     (N,) float32: in units of the ray's direction; inf where it meets nothing
-    triangle  (N,) int64, index into `World.material` and `World.colour`; -1 where it meets nothing
+    triangle  (N,) int32, index into `World.material` and `World.colour`; -1 where it meets nothing
     normal    (N, 3) float32, of unit length, on either side of the surface
     """
 
@@ -37,7 +37,7 @@ class World:
     def __init__(self, standing: StandingWorld, moving: Sequence[Mesh] = ()) -> None:
         self._standing = standing
         self._moving = _Scene(joined(moving), standing.scene.centre) if moving else None
-        self._around = np.array([_sphere(mesh, standing.scene.centre) for mesh in moving])
+        self._around = np.array([_sphere(mesh, standing.scene.centre) for mesh in moving], np.float32).T.copy()
         self.material = np.concatenate([mesh.material for mesh in (standing.mesh, *moving)])
         self.colour = np.concatenate([mesh.colour for mesh in (standing.mesh, *moving)])
 
@@ -87,14 +87,11 @@ class _Scene:
 
     def rays(self, origin: Array, direction: Array) -> Array:
         """(N, 6) float32, as Open3D takes them."""
-        rays: Array = np.empty((len(direction), 6), np.float32)
-        rays[:, :3], rays[:, 3:] = origin - self.centre, direction
-        return rays
+        return np.asarray(kernels.rays(np.atleast_2d(origin), direction, self.centre))
 
     def cast(self, rays: Array) -> Hits:
         answer = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)
-        primitive = answer["primitive_ids"].numpy()
-        triangle = np.where(primitive == self._scene.INVALID_ID, -1, primitive.astype(np.int64))
+        triangle = answer["primitive_ids"].numpy().view(np.int32)  # no triangle: all bits set, which is -1
         return Hits(answer["t_hit"].numpy(), triangle, answer["primitive_normals"].numpy())
 
     def hidden(self, rays: Array) -> Array:
