@@ -6,11 +6,12 @@ from typing import Protocol
 
 from names import OURS
 
-from slam.config import Config, load_config
+from slam.config import load_config
 from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset
 from slam.odometry import Odometry
 from slam.pipeline import sweep_duration
+from slam.settings import Config
 
 
 class System(Protocol):

@@ -7,11 +7,11 @@ from typing import Protocol
 
 import numpy as np
 
-from slam.config import FrontEndSettings
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.errors import InputError
 from slam.data.ring_patterns import drop_rings
 from slam.data.sensor import Sensor
+from slam.settings import FrontEndSettings
 
 #: Past clouds, newest last, each with T_now_then (4, 4): its sensor's frame in the present one, as predicted.
 History = Sequence[tuple[PointCloud, Array]]

@@ -7,7 +7,6 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from slam.config import OdometrySettings
 from slam.data import se3
 from slam.data.cloud import MEASURED_SIGMA, Array, PointCloud
 from slam.data.distortion import correct_vertical, deskew
@@ -15,6 +14,7 @@ from slam.registration.icp import IcpTarget
 from slam.registration.ndt import NdtTarget
 from slam.registration.result import RegistrationResult
 from slam.registration.voxels import VoxelFilter
+from slam.settings import OdometrySettings
 
 MIN_POINTS = 50  # a thinned scan with fewer is not registered: an empty or all but empty file
 GAP = 5.0  # sweeps without a scan: the prediction is not trusted then, it is searched around

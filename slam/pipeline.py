@@ -11,23 +11,28 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from slam.config import Config
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
 from slam.data.problem import Problem
 from slam.front_end import FrontEnd, RingFrontEnd
-from slam.mapping import GlobalMap
+from slam.loops.closing import LoopSearch
+from slam.loops.verification import Verifier
+from slam.mapper import Mapper, Mapping
+from slam.mapping.global_map import build_map
+from slam.mapping.keyframes import Keyframes
 from slam.odometry import Odometry
+from slam.settings import Config
 
 HISTORY = 5  # past clouds that a front end is shown
-STAGES = ("load", "front_end", "odometry", "map")
+STAGES = ("load", "front_end", "odometry")  # of a frame; the mapper has its own
 
 
 @dataclass(frozen=True, eq=False)
 class FrameRecord:
-    """One frame's outcome: pose (4, 4) T_world_lidar, covariance (6, 6) as in OdometryStep, milliseconds by stage."""
+    """What the odometry made of a frame: pose (4, 4) T_world_lidar and covariance (6, 6) as in OdometryStep,
+    milliseconds by stage."""
 
     index: int
     stamp: float
@@ -48,14 +53,25 @@ class Run:
     positions: range
     vertical_correction: float
     deskewed: bool
-    map: GlobalMap
+    mapping: Mapping | None = None
+    milliseconds: dict[str, list[float]] = field(default_factory=dict)
     records: list[FrameRecord] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
 
     @property
-    def poses(self) -> Array:
-        """(N, 4, 4) T_world_lidar, the first identity."""
+    def odometry_poses(self) -> Array:
+        """(N, 4, 4) T_world_lidar before loops, the first identity."""
         return np.array([record.pose for record in self.records])
+
+    @property
+    def poses(self) -> Array:
+        """(N, 4, 4) T_world_lidar, loops closed; the first identity."""
+        return self.mapping.corrected(self.odometry_poses) if self.mapping else self.odometry_poses
+
+    @property
+    def map(self) -> PointCloud:
+        """Of the whole drive, in the world's frame."""
+        return self.mapping.map if self.mapping else PointCloud(np.zeros((0, 3)), np.zeros(0))
 
     @property
     def stamps(self) -> Array:
@@ -104,28 +120,28 @@ class Pipeline:
         past: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
         self._report(run, dataset.problems, strict)
 
-        for frame, load in _read_ahead(dataset, run.positions):
-            self._report(run, frame.problems, strict)
-            clock = _Clock(load)
-            now_world = se3.inverse(odometry.predict(frame.stamp))
-            cloud = front_end(frame, [(then, now_world @ pose) for then, pose in past])
-            clock.lap("front_end")
-            timed = self._with_times(cloud, frame)
-            run.deskewed |= timed.time is not None
-            step = odometry.register(timed, frame.stamp)
-            clock.lap("odometry")
-            if step.status != "failed":
-                run.map.insert(step.cloud, step.pose)
-            clock.lap("map")
-            past.append((cloud, step.pose))
+        with Mapper(self.config) as mapper:
+            for position, (frame, load) in enumerate(_read_ahead(dataset, run.positions)):
+                self._report(run, frame.problems, strict)
+                clock = _Clock(load)
+                now_world = se3.inverse(odometry.predict(frame.stamp))
+                cloud = front_end(frame, [(then, now_world @ pose) for then, pose in past])
+                clock.lap("front_end")
+                timed = self._with_times(cloud, frame)
+                run.deskewed |= timed.time is not None
+                step = odometry.register(timed, frame.stamp)
+                clock.lap("odometry")
+                mapper.add(position, frame, cloud, step)
+                past.append((cloud, step.pose))
 
-            inliers = step.registration.inlier_ratio if step.registration else float("nan")
-            record = FrameRecord(
-                frame.index, frame.stamp, step.pose, step.covariance, step.status, inliers, len(cloud), clock.laps
-            )
-            run.records.append(record)
-            if on_frame:
-                on_frame(record)
+                inliers = step.registration.inlier_ratio if step.registration else float("nan")
+                record = FrameRecord(
+                    frame.index, frame.stamp, step.pose, step.covariance, step.status, inliers, len(cloud), clock.laps
+                )
+                run.records.append(record)
+                if on_frame:
+                    on_frame(record)
+            run.mapping, run.milliseconds = mapper.finish(), mapper.milliseconds
         return run
 
     def _start(self, dataset: Dataset, frames: slice) -> Run:
@@ -141,7 +157,6 @@ class Pipeline:
             positions=positions,
             vertical_correction=own if angle is None else float(np.deg2rad(angle)),
             deskewed=False,
-            map=GlobalMap(self.config.map),
         )
 
     def _with_times(self, cloud: PointCloud, frame: Frame) -> PointCloud:
@@ -179,9 +194,13 @@ def compile_kernels(config: Config, notify: Callable[[], None]) -> None:
         for stamp in (0.0, 0.1, 0.2):
             odometry.register(cloud, stamp)
         odometry.target.evict(np.zeros(3), 1.0)
-        world = GlobalMap(config.map)
-        world.insert(cloud, np.eye(4))
-        world.points()
+        keyframes = Keyframes(config.keyframes)
+        keyframes.add(cloud, np.eye(4), 0, 0.0)
+        keyframes.finish()
+        search = LoopSearch(config.loops)
+        search.next(keyframes)
+        Verifier(config.loops.verification).verify(keyframes, 0, 0, np.eye(4))
+        build_map(keyframes, keyframes.poses, config.map)
     finally:
         timer.cancel()
 

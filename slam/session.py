@@ -17,23 +17,23 @@ from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.point_writer import write_points
 from slam.data.pose_files import kitti_text, tum_text
+from slam.graph.g2o import write_g2o
+from slam.graph.ledger import csv_text
+from slam.mapping.picture import map_png
 from slam.pipeline import STAGES, Run
 
-PACKAGES = ("lidarlift", "numpy", "numba", "scipy", "open3d", "evo")
+PACKAGES = ("lidarlift", "numpy", "numba", "scipy", "gtsam", "open3d", "evo")
 
 
 def save_run(run: Run, folder: str | Path) -> Path:
     """Write trajectories, map, timings and, last, run.json. Raises InputError where the folder cannot be written."""
     folder = Path(folder)
-    for name in ("trajectory", "odometry"):  # the same as long as no loop is closed
-        write_text(folder / f"{name}_kitti.txt", kitti_text(run.poses))
-        write_text(folder / f"{name}_tum.txt", tum_text(run.stamps, run.poses))
+    for name, poses in (("trajectory", run.poses), ("odometry", run.odometry_poses)):
+        write_text(folder / f"{name}_kitti.txt", kitti_text(poses))
+        write_text(folder / f"{name}_tum.txt", tum_text(run.stamps, poses))
     _write_ground_truth(run, folder)
     write_text(folder / "timings.csv", _timings_csv(run))
-    if len(run.map):
-        write_points(folder / "map.pcd", run.map.points())
-    else:
-        (folder / "map.pcd").unlink(missing_ok=True)  # an earlier run's
+    _write_mapping(run, folder)
     write_text(folder / "run.json", json.dumps(_report(run), indent=2) + "\n")
     return folder
 
@@ -45,6 +45,21 @@ def read_report(folder: Path) -> dict[str, Any]:
         return dict(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
         raise InputError(f"{path}: no run to read here ({error}); name a folder that `lidarlift run` wrote") from error
+
+
+def _write_mapping(run: Run, folder: Path) -> None:
+    """The map, its picture, the loops and the graph; without keyframes there are none, nor those of an earlier run."""
+    for name in ("map.pcd", "map.png", "loops.csv", "graph.g2o"):
+        (folder / name).unlink(missing_ok=True)
+    mapping = run.mapping
+    if mapping is None or len(mapping.keyframes) == 0:
+        return
+    frames = [run.records[index].index for index in mapping.keyframes.indices]
+    write_text(folder / "loops.csv", csv_text(mapping.ledger, frames))
+    write_g2o(folder / "graph.g2o", mapping.graph)
+    if len(mapping.map):
+        write_points(folder / "map.pcd", mapping.map)
+        map_png(mapping.map, run.poses[:, :3, 3], folder / "map.png")
 
 
 def _write_ground_truth(run: Run, folder: Path) -> None:
@@ -70,6 +85,7 @@ def _timings_csv(run: Run) -> str:
 def _report(run: Run) -> dict[str, Any]:
     dataset, calibration = run.dataset, run.dataset.calibration
     times = {stage: np.array([record.milliseconds[stage] for record in run.records]) for stage in STAGES}
+    times |= {stage: np.array(values) for stage, values in run.milliseconds.items()}
     return {
         "protocol": {
             "dataset": dataset.name,
@@ -85,16 +101,26 @@ def _report(run: Run) -> dict[str, Any]:
             "config": run.config.model_dump(mode="json"),
         },
         "counts": run.counts(),
+        "loops": _loops(run),
         "problems": [problem.message for problem in run.problems],
         "timings_ms": {
             stage: {"median": _percentile(values, 50), "p95": _percentile(values, 95)}
             for stage, values in times.items()
+            if len(values)
         },
         "path_length_m": round(float(np.linalg.norm(np.diff(run.poses[:, :3, 3], axis=0), axis=1).sum()), 4),
         "map_points": len(run.map),
         "peak_memory_mb": round(_peak_memory(), 1),
         "T_camera0_lidar": _matrix(calibration.T_camera0_lidar if calibration else None),
     }
+
+
+def _loops(run: Run) -> dict[str, int]:
+    """Keyframes, candidates that were registered, and how many of them are loops."""
+    if run.mapping is None:
+        return {}
+    mapping = run.mapping
+    return {"keyframes": len(mapping.keyframes), "candidates": len(mapping.ledger), "accepted": mapping.loops}
 
 
 def _percentile(values: Array, q: float) -> float:

@@ -51,9 +51,11 @@ def run(
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{settings.front_end.input}"
 
     metrics = run_into(folder, data, settings, frame_slice(frames), strict=strict)
-    print(_summary(read_report(folder)))
+    report = read_report(folder)
+    print(_summary(report))
     if metrics:
-        print(format_table({"odometry": metrics["odometry"]}, metrics["protocol"]))
+        closed = ["slam", "odometry"] if report["loops"]["accepted"] else ["odometry"]  # equal without loops
+        print(format_table({name: metrics[name] for name in closed}, metrics["protocol"]))
     else:
         print("No ground truth: no ATE, RPE or drift.")
     print(f"Written to {folder}: {', '.join(sorted(file.name for file in folder.iterdir()))}")
@@ -63,11 +65,22 @@ def _summary(report: dict[str, Any]) -> str:
     """What was run, and how it went, in a few lines; `report` is run.json."""
     protocol, counts, times = report["protocol"], report["counts"], report["timings_ms"]
     odometry = protocol["config"]["odometry"]
+    of = {"map": "frame", "loops": "keyframe", "back_end": "keyframe"}
+    known = {name: unit for name, unit in of.items() if name in times}
+    beside = [f"{name.replace('_', ' ')} {times[name]['median']:.1f} ms a {unit}" for name, unit in known.items()]
     return (
         f"{protocol['dataset']}, {protocol['input']} channels, deskew {'on' if protocol['deskew'] else 'off'}, "
         f"vertical correction {protocol['vertical_correction_deg']:.3f} deg, "
         f"registration {odometry['registration']} against the {odometry['target']}\n"
         f"{counts['frames']} frames, {report['path_length_m']:.2f} m; {counts['retried']} registered after a search, "
         f"{counts['failed']} failed; map of {report['map_points']:,} points\n"
-        f"Median a frame: odometry {times['odometry']['median']:.1f} ms, map {times['map']['median']:.1f} ms\n"
+        f"{_loops(report['loops'])}\n"
+        f"Median: odometry {times['odometry']['median']:.1f} ms a frame; beside it {', '.join(beside)}\n"
     )
+
+
+def _loops(loops: dict[str, int]) -> str:
+    if not loops["candidates"]:
+        return f"No place was recognised among {loops['keyframes']} keyframes: no loops, poses are the odometry's"
+    found = f"{loops['accepted']} loops closed" if loops["accepted"] else "no loop closed, poses are the odometry's"
+    return f"{loops['keyframes']} keyframes, {loops['candidates']} candidates registered, {found}; see loops.csv"

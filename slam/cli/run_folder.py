@@ -10,9 +10,9 @@ from slam.cli.arguments import require_writable
 from slam.cli.console import messages, progress
 
 if TYPE_CHECKING:
-    from slam.config import Config
     from slam.data.dataset import Dataset
     from slam.data.problem import Problem
+    from slam.settings import Config
 
 
 def run_into(

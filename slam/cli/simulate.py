@@ -35,9 +35,7 @@ def simulate(
     ] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Only so many, from the start of the drive.")] = None,
     sensor: Annotated[Sensor, typer.Option(help="The LiDAR: 64 or 16 channels.")] = Sensor.HDL64,
-    spacing: Annotated[
-        float | None, typer.Option(help="Metres between frames. Default: ten frames a second.")
-    ] = None,
+    spacing: Annotated[float | None, typer.Option(help="Metres between frames. Default: ten frames a second.")] = None,
     distort: Annotated[
         bool, typer.Option("--distort", help="The car moves during a sweep, as a real one does; `run` deskews.")
     ] = False,

@@ -18,7 +18,7 @@ from slam.simulation.world import World
 RGB = tuple[float, float, float]
 Seen = tuple[Array, Array, Array, Array, Array]  # rays (N, 3), reach (N,), triangle (N,), normal (N, 3), origin (3,)
 
-_SKY_STEP = 5  # pixels between two samples of how much sky a surface sees
+_SKY_STEP = 7  # pixels between two samples of how much sky a surface sees
 _NOISE = 0.02  # in the root of the light, where white is about 1
 _CONTRAST = np.array([material.contrast for material in MATERIALS], np.float32)
 _GLOSS = np.array([material.gloss for material in MATERIALS], np.float32)
@@ -146,13 +146,15 @@ def _air(look: Look) -> Array:
 
 
 def _sunlit(world: World, seen: Seen, look: Look) -> Array:
-    """(N,) float32: 1 in the sun, 0 in the shade, softened by a pixel."""
-    sunlit = np.zeros((CAMERA.height, CAMERA.width), np.float32)
+    """(N,) float32: 1 in the sun, 0 in the shade, softened by a pixel. Every second pixel asks, and its neighbours take
+    the mean of those around them."""
+    sunlit, asked = np.zeros((2, CAMERA.height, CAMERA.width), np.float32)
     if any(look.sunlight):
-        pixels, start = kernels.sun_rays(*seen, np.array(look.sun))
+        pixels, start = kernels.sun_rays(*seen, CAMERA.width, np.array(look.sun))
         towards = np.broadcast_to(np.array(look.sun, np.float32), start.shape)
+        asked.reshape(-1)[pixels] = 1
         sunlit.reshape(-1)[pixels] = ~world.hidden(start, towards)
-    return cv2.blur(sunlit, (3, 3)).reshape(-1)
+    return (cv2.blur(sunlit, (3, 3)) / np.maximum(cv2.blur(asked, (3, 3)), np.float32(0.1))).reshape(-1)
 
 
 def _mirrored(world: World, seen: Seen) -> Array:
@@ -161,6 +163,7 @@ def _mirrored(world: World, seen: Seen) -> Array:
     pixels, start, direction = kernels.mirror_rays(*seen, world.material, _GLOSS)
     if len(pixels):
         mirrored[pixels] = world.cast(start, direction).triangle
+        kernels.double(mirrored, seen[2])
     return mirrored
 
 

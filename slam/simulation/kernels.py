@@ -180,11 +180,13 @@ def face_camera(normal, rays):
 
 
 @njit(cache=True, nogil=True)
-def sun_rays(rays, reach, triangle, normal, origin, sun):
-    """Pixels (M,) whose surface faces the sun, and where their rays towards it start (M, 3)."""
+def sun_rays(rays, reach, triangle, normal, origin, width, sun):
+    """Every second pixel (M,), as on a chessboard, if it faces the sun, and where its ray towards it starts (M, 3)."""
     pixels = np.empty(len(rays), np.int32)
     count = 0
     for i in range(len(rays)):
+        if (i // width + i % width) % 2:
+            continue
         if triangle[i] >= 0 and normal[i, 0] * sun[0] + normal[i, 1] * sun[1] + normal[i, 2] * sun[2] > 0.0:
             pixels[count] = i
             count += 1
@@ -195,12 +197,29 @@ def sun_rays(rays, reach, triangle, normal, origin, sun):
 
 
 @njit(cache=True, nogil=True)
+def second_of_two(i, triangle):
+    """Whether a pixel is an odd one on the triangle of the one before."""
+    return i % 2 == 1 and triangle[i] == triangle[i - 1]
+
+
+@njit(cache=True, nogil=True)
+def double(mirrored, triangle):
+    """Give seconds of two what the first mirrors, in place."""
+    for i in range(1, len(mirrored), 2):
+        if triangle[i] == triangle[i - 1]:
+            mirrored[i] = mirrored[i - 1]
+
+
+@njit(cache=True, nogil=True)
 def mirror_rays(rays, reach, triangle, normal, origin, material, gloss):
-    """Pixels (M,) of materials with gloss, where their mirrored rays start (M, 3) and whither they go (M, 3)."""
+    """Pixels (M,) of materials with gloss, where their mirrored rays start (M, 3) and whither they go (M, 3).
+
+    Of two neighbours on one triangle, the second has no ray: `second_of_two` says which they are.
+    """
     pixels = np.empty(len(rays), np.int32)
     count = 0
     for i in range(len(rays)):
-        if triangle[i] >= 0 and gloss[material[triangle[i]]] > 0.0:
+        if triangle[i] >= 0 and gloss[material[triangle[i]]] > 0.0 and not second_of_two(i, triangle):
             pixels[count] = i
             count += 1
     start, direction = np.empty((count, 3)), np.empty((count, 3), np.float32)

@@ -24,7 +24,7 @@ SWEEP = 0.1  # seconds
 #: T_camera0_lidar: the camera looks ahead from 8 cm below the LiDAR and 27 cm before it, much as KITTI's does.
 TR = np.array([[0, -1, 0, 0.0], [0, 0, -1, -0.08], [1, 0, 0, -0.27], [0, 0, 0, 1.0]])
 SWAY = np.array([0.0025, 0.003, 0.008])  # rad, rad, m: roll, pitch and heave of the car on its springs
-BLOCK, RADIUS = 40.0, 130.0  # metres of the way that share one standing world, and what it holds around them
+BLOCK, RADIUS = 30.0, 115.0  # metres of the way that share one standing world, and what it holds around them
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class Rig:
 
     def frame(self, index: int) -> SimulatedFrame:
         """The same whichever frames were asked for before."""
-        world = World(self._standing(int(self._drive.way[index] // BLOCK)), self._traffic.at(index))
+        world = World(self._standing(self.stretch(index)), self._traffic.at(index))
         rng = np.random.default_rng([self._seed, 3, index])
         pose, motion = self.poses[index], self._motion(index)
         recorded = scan(world, self._sensor, pose, motion, rng)
@@ -82,6 +82,10 @@ class Rig:
             exact=None if exact is None else np.column_stack(exact),
             depth=depth if self._truth else None,
         )
+
+    def stretch(self, index: int) -> int:
+        """The number of the stretch of the way whose frames share one standing world."""
+        return int(self._drive.way[index] // BLOCK)
 
     def _standing(self, block: int) -> StandingWorld:
         """What stands around the frames of a stretch of the way."""

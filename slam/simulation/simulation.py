@@ -10,6 +10,7 @@ import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -116,21 +117,23 @@ class Simulation:
         _write(scan, frame.scan.tobytes())
 
     def _share_out(self, sequence: Path, numbers: list[int], on_frame: Callable[[], None]) -> None:
-        """Frames written by one process a core."""
-        workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, MOST)
+        """Frames written by one process a core; those of one stretch by the same, which builds it once."""
+        count = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, MOST)
         context = multiprocessing.get_context("spawn")  # a fork would inherit the locks of threads that are not there
-        with ProcessPoolExecutor(workers, context, _begin, (self.settings,)) as pool:
+        with ExitStack() as stack:
+            workers = [ProcessPoolExecutor(1, context, _begin, (self.settings,)) for _ in range(count)]
+            for worker in workers:
+                stack.callback(worker.shutdown, cancel_futures=True)
+            shared = [
+                workers[self.rig.stretch(number) % count].submit(_write_one, sequence, number) for number in numbers
+            ]
             try:
-                for written in as_completed([pool.submit(_write_one, sequence, number) for number in numbers]):
+                for written in as_completed(shared):
                     written.result()
                     on_frame()
             except BrokenProcessPool as error:
-                raise InputError(
-                    f"{sequence}: a process was killed, perhaps for memory; start again to go on"
-                ) from error
-            except BaseException:
-                pool.shutdown(wait=True, cancel_futures=True)
-                raise
+                message = f"{sequence}: a process was killed, for memory perhaps; run it again to go on"
+                raise InputError(message) from error
 
     def _files(self, sequence: Path, number: int) -> tuple[Path, ...]:
         """The files of a frame, as `_write_frame` takes them."""

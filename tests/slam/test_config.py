@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from slam.config import Config, load_config, preset_names
+from slam.config import load_config, preset_names
 from slam.data.errors import InputError
+from slam.settings import Config
 
 
 def written(folder: Path, text: str) -> Path:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slam.config import FrontEndSettings
 from slam.data.cloud import Frame, PointCloud
 from slam.data.errors import InputError
 from slam.data.sensor import Sensor, load_sensor
 from slam.front_end import RingFrontEnd
+from slam.settings import FrontEndSettings
 
 
 @pytest.fixture

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slam.config import OdometrySettings, load_config
+from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset, open_dataset
 from slam.odometry import Odometry, OdometryStep
+from slam.settings import OdometrySettings
 
 RealData = Callable[[str], Path]
 

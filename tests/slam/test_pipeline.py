@@ -62,7 +62,7 @@ def test_16_channels_are_a_quarter_of_the_scan(street_drive: Drive, street_poses
 
 
 def test_the_map_lies_on_the_street(street_drive: Drive) -> None:
-    points = run(street_drive()).map.points()
+    points = run(street_drive()).map
     assert len(points) > 10_000
     ground = points.xyz[(np.abs(points.xyz[:, 1]) < 5) & (points.xyz[:, 0] < 30) & (points.xyz[:, 0] > -20)]
     assert np.median(ground[:, 2]) == pytest.approx(-1.7, abs=0.03)
@@ -73,8 +73,8 @@ def test_runs_repeat_bit_for_bit(street_drive: Drive) -> None:
     one, two = run(path), run(path)
     np.testing.assert_array_equal(one.poses, two.poses)
     np.testing.assert_array_equal([r.covariance for r in one.records], [r.covariance for r in two.records])
-    np.testing.assert_array_equal(one.map.points().xyz, two.map.points().xyz)
-    np.testing.assert_array_equal(one.map.points().intensity, two.map.points().intensity)
+    np.testing.assert_array_equal(one.map.xyz, two.map.xyz)
+    np.testing.assert_array_equal(one.map.intensity, two.map.intensity)
 
 
 def test_a_pipeline_can_be_used_again(street_drive: Drive) -> None:
@@ -162,7 +162,7 @@ def test_damaged_scans_are_counted_and_gone_around(
     }
     assert [record.status for record in result.records].index("failed") == 6
     assert distances(result, street_poses).max() < 0.1
-    assert np.isfinite(result.map.points().xyz).all()
+    assert np.isfinite(result.map.xyz).all()
     # An empty scan keeps the prediction, and says how little that is worth.
     assert result.records[6].points == 0
     assert result.records[6].covariance[3, 3] > 1 > result.records[7].covariance[3, 3]

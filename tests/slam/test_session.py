@@ -30,8 +30,11 @@ def test_the_run_folder_is_whole(street_drive: Drive, street_poses: Array, tmp_p
     result = run(street_drive())
     folder = save_run(result, tmp_path / "deep" / "run")
     assert sorted(file.name for file in folder.iterdir()) == [
+        "graph.g2o",
         "ground_truth_tum.txt",
+        "loops.csv",
         "map.pcd",
+        "map.png",
         "odometry_kitti.txt",
         "odometry_tum.txt",
         "run.json",
@@ -65,7 +68,7 @@ def test_run_json_says_how_it_was_run(street_drive: Drive, tmp_path: Path) -> No
     assert protocol["config"] == load_config().model_dump(mode="json")
     assert report["counts"] == {"frames": 6, "registered": 5, "retried": 0, "failed": 1, "empty_scan": 1}
     assert "000005.bin" in report["problems"][0]
-    assert report["timings_ms"].keys() == set(STAGES)
+    assert report["timings_ms"].keys() == {*STAGES, "map", "loops", "back_end"}
     for stage in report["timings_ms"].values():
         assert 0 <= stage["median"] <= stage["p95"]
     assert report["path_length_m"] == pytest.approx(7.0, abs=0.1)

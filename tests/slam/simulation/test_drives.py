@@ -107,5 +107,5 @@ def jump() -> Array:
 
 @pytest.mark.parametrize("spacing", [0.0, -1.0, 11.0, float("nan"), float("inf")])
 def test_a_spacing_that_no_drive_can_have_is_refused(spacing: float) -> None:
-    with pytest.raises(InputError, match="a spacing of .* m: frames can be up to 10 m apart"):
+    with pytest.raises(InputError, match=r"a spacing of .* m: frames can be up to 10 m apart"):
         built_in("loop", spacing)

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slam.config import MapSettings
 from slam.data.cloud import Array, PointCloud
 from slam.data.point_files import read_points
 from slam.data.point_writer import write_points
-from slam.keyframes import Keyframe, Keyframes, KeyframeSettings
-from slam.map_picture import map_png
-from slam.mapping import GlobalMap, build_map
+from slam.mapping.global_map import GlobalMap, build_map
+from slam.mapping.keyframes import Keyframe, Keyframes
+from slam.settings import KeyframeSettings, MapSettings
 
 
 def cloud(*points: tuple[float, float, float], intensity: Array | None = None) -> PointCloud:

@@ -1,0 +1,79 @@
+"""Loops that say the same: near each other along both passes, and in agreement through the odometry between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from slam.data import se3
+from slam.graph.pose_graph import Edge, chained, reversed_edge
+
+REACH = 10  # poses between two loops of a cluster, at most, along either pass
+QUANTILES = {0.5: 5.348, 0.9999: 27.86}  # of chi^2(6)
+FEWEST_PAIRS = 20  # neighbours that it takes to judge the noise
+MARGIN = 10.0  # how many times smaller than seen among neighbours the noise is never taken to be
+
+
+class LoopClusters:
+    """Which loops agree. `odometry[k]` joins pose k to k + 1.
+
+    `threshold` is the squared Mahalanobis distance beyond which a measurement contradicts another: the 99.99 % quantile
+    of chi^2(6). Many graphs state far too much noise (parking-garage 1 m where it is 1 cm); false loops would pass
+    then. How well neighbouring loops agree tells: the threshold shrinks with the median of their cycles, with a margin
+    of 10 standard deviations since neighbours share errors, and never grows.
+    """
+
+    def __init__(self, loops: Sequence[Edge], odometry: Sequence[Edge]) -> None:
+        self._loops, self._odometry = loops, odometry
+        self._ends = np.array([[loop.i, loop.j] for loop in loops]).reshape(-1, 2)
+        self._between: dict[tuple[int, int], Edge] = {}
+        self.threshold = QUANTILES[0.9999] * self._noise_scale()
+
+    def groups(self) -> list[list[int]]:
+        """Indices of the loops, each group around its first: within reach of it, and in agreement with it."""
+        groups = []
+        waiting = np.array(sorted(range(len(self._loops)), key=lambda n: (*self._ends[n], n)), dtype=int)
+        while len(waiting):
+            first, rest = int(waiting[0]), waiting[1:]
+            near = np.abs(self._ends[rest] - self._ends[first]).max(axis=1) <= REACH
+            joins = near.copy()
+            joins[near] = [self._disagreement(first, int(n)) < self.threshold for n in rest[near]]
+            groups.append([first, *(int(n) for n in rest[joins])])
+            waiting = rest[~joins]
+        return groups
+
+    def _noise_scale(self) -> float:
+        """Variance of the errors by the stated one, from above and at most 1."""
+        found = [
+            self._disagreement(n, other) for n in range(len(self._loops)) if (other := self._nearest(n)) is not None
+        ]
+        agreeing = [value for value in found if value < QUANTILES[0.9999]]
+        if len(agreeing) < FEWEST_PAIRS:
+            return 1.0
+        return min(1.0, MARGIN**2 * float(np.median(agreeing)) / QUANTILES[0.5])
+
+    def _nearest(self, n: int) -> int | None:
+        """The loop whose ends are nearest to those of loop n, where one is within reach."""
+        apart = np.abs(self._ends - self._ends[n]).max(axis=1)
+        apart[n] = REACH + 1
+        nearest = int(apart.argmin())
+        return nearest if apart[nearest] <= REACH else None
+
+    def _disagreement(self, first: int, second: int) -> float:
+        """Squared Mahalanobis distance of the cycle that two loops close through the odometry."""
+        one, other = self._loops[first], self._loops[second]
+        path = [self._odometry_edge(other.i, one.i), one, self._odometry_edge(one.j, other.j)]
+        through = chained([edge for edge in path if edge is not None])
+        error = se3.log(se3.inverse(other.pose) @ through.pose)
+        return float(error @ np.linalg.solve(through.covariance + other.covariance, error))
+
+    def _odometry_edge(self, a: int, b: int) -> Edge | None:
+        """T_a_b by the odometry; None where the two are one."""
+        if a == b:
+            return None
+        if (a, b) not in self._between:
+            low, high = min(a, b), max(a, b)
+            edge = chained(self._odometry[low:high])
+            self._between[a, b] = edge if a < b else reversed_edge(edge)
+        return self._between[a, b]

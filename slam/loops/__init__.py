@@ -1,0 +1,1 @@
+"""Loop closure: places seen before, recognised by their descriptors."""

@@ -1,0 +1,166 @@
+"""Behind the odometry: keyframes, loops and the pose graph, in a thread of their own."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from slam.data import se3
+from slam.data.camera import with_colour
+from slam.data.cloud import Array, Frame, PointCloud
+from slam.graph.back_end import BackEnd
+from slam.graph.ledger import LoopRecord
+from slam.graph.pose_graph import PoseGraph
+from slam.loops.closing import LoopSearch
+from slam.mapping.global_map import build_map
+from slam.mapping.keyframes import Keyframes
+from slam.odometry import OdometryStep
+from slam.settings import Config
+
+LEAST_WAY = 0.5  # m that the drift is reckoned with, though the car may have turned on the spot
+AHEAD = 40  # scans that may wait: so many the odometry can be ahead, and the memory that they take
+STAGES = ("map", "loops", "back_end")
+
+
+@dataclass(frozen=True, eq=False)
+class Mapping:
+    """What came of the keyframes.
+
+    poses      (K, 4, 4) T_world_keyframe, optimised
+    keyframes  with their poses by the odometry and their clouds
+    ledger     every loop that was thought of
+    graph      poses, odometry and accepted loops
+    map        of the optimised poses, without what moved
+    """
+
+    poses: Array
+    keyframes: Keyframes
+    ledger: list[LoopRecord]
+    graph: PoseGraph
+    map: PointCloud
+
+    @property
+    def loops(self) -> int:
+        """Accepted ones."""
+        return sum(record.status == "accepted" for record in self.ledger)
+
+    def corrected(self, poses: Array) -> Array:
+        """Odometry poses (N, 4, 4) of frames 0, 1 .., moved as the keyframes before and after them were."""
+        if self.loops == 0:
+            return poses
+        moved = self.poses @ se3.inverse(self.keyframes.poses)
+        frames = np.arange(len(poses), dtype=float)
+        return np.asarray(se3.interpolate(self.keyframes.indices.astype(float), moved, frames) @ poses)
+
+
+@dataclass
+class Mapper:
+    """Takes registered scans and gives a `Mapping`.
+
+    All is done in the order of the scans by one thread, and depends on nothing but them: whatever the timing, the
+    result is the same. A keyframe's loops are searched when the keyframes that its verification reaches for are there.
+    """
+
+    config: Config
+    milliseconds: dict[str, list[float]] = field(default_factory=lambda: {stage: [] for stage in STAGES})
+
+    def __post_init__(self) -> None:
+        self._keyframes, self._back_end = Keyframes(self.config.keyframes), BackEnd()
+        self._search = LoopSearch(self.config.loops)
+        self._thread = ThreadPoolExecutor(1, "mapper")
+        self._waiting: deque[Future[None]] = deque()
+        self._way, self._last = 0.0, np.zeros(3)
+        self._doubt = np.zeros((6, 6))  # sum of the registrations' covariances since the last keyframe
+        self._doubts: list[Array] = []  # and of each keyframe since the one before
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._thread.shutdown(wait=True, cancel_futures=True)
+
+    def add(self, position: int, frame: Frame, recorded: PointCloud, step: OdometryStep) -> None:
+        """The scan of the frame at `position` of the run, as recorded and as registered. Returns at once, unless the
+        work is far behind; raises what went wrong with earlier scans."""
+        while self._waiting and (len(self._waiting) >= AHEAD or self._waiting[0].done()):
+            self._waiting.popleft().result()
+        self._waiting.append(self._thread.submit(self._add, position, frame, recorded, step))
+
+    def finish(self) -> Mapping:
+        """Search the last keyframes, judge all loops together, and build the map."""
+        self._waiting.append(self._thread.submit(self._finish))
+        while self._waiting:
+            self._waiting.popleft().result()
+        ledger, poses = self._back_end.ledger(), self._keyframes.poses
+        if any(record.status == "accepted" for record in ledger):
+            poses = poses[0] @ self._back_end.poses()
+        world = build_map(self._keyframes, poses, self.config.map)
+        return Mapping(poses, self._keyframes, ledger, self._back_end.graph(), world)
+
+    def _add(self, position: int, frame: Frame, recorded: PointCloud, step: OdometryStep) -> None:
+        begin = time.perf_counter()
+        self._way += float(np.linalg.norm(step.pose[:3, 3] - self._last))
+        self._last = step.pose[:3, 3]
+        self._doubt = self._doubt + step.covariance
+        if step.status == "failed":
+            return
+        begins = self._keyframes.begins(step.pose)
+        cloud = _coloured(step.cloud, recorded, frame) if begins and self.config.map.colour else step.cloud
+        done = self._keyframes.add(cloud, step.pose, position, self._way)
+        if begins:
+            self._doubts.append(self._doubt)
+            self._doubt = np.zeros((6, 6))
+        self.milliseconds["map"].append(1e3 * (time.perf_counter() - begin))
+        if done is not None:
+            self._close(self.config.loops.verification.query_reach)
+
+    def _finish(self) -> None:
+        self._keyframes.finish()
+        self._close(0.0)
+        self._back_end.settle()
+
+    def _close(self, reach: float) -> None:
+        """Put the newest keyframe into the graph, and search the loops of those that lie `reach` [m] back."""
+        begin = time.perf_counter()
+        count = len(self._keyframes)
+        if count > 1:
+            self._back_end.add_odometry(*self._motion(count - 1))
+        graph, loops, ways = time.perf_counter() - begin, 0.0, self._keyframes.ways
+        while self.config.loops.enabled and len(self._search) < count:
+            if ways[len(self._search)] + reach > ways[-1]:
+                break
+            begin = time.perf_counter()
+            found = self._search.next(self._keyframes)
+            loops += time.perf_counter() - begin
+            begin = time.perf_counter()
+            for candidate, verification in found:
+                if verification.accepted:
+                    self._back_end.add_loop(candidate, verification.covariance)
+                else:
+                    self._back_end.reject(candidate, verification.reason)
+            graph += time.perf_counter() - begin
+        self.milliseconds["loops"].append(1e3 * loops)
+        self.milliseconds["back_end"].append(1e3 * graph)
+
+    def _motion(self, number: int) -> tuple[Array, Array]:
+        """Of a keyframe since the one before: (4, 4), and its covariance (6, 6), the registrations' and the drift's."""
+        before, here = self._keyframes.poses[number - 1 : number + 1]
+        way = max(float(np.diff(self._keyframes.ways[number - 1 : number + 1])[0]), LEAST_WAY)
+        settings = self.config.pose_graph
+        drift = np.array([np.deg2rad(settings.rotation_deg)] * 3 + [settings.translation] * 3) ** 2 * way
+        return se3.normalized(se3.inverse(before) @ here), self._doubts[number] + np.diag(drift)
+
+
+def _coloured(cloud: PointCloud, recorded: PointCloud, frame: Frame) -> PointCloud:
+    """The registered cloud with the colours that the camera saw; the image is projected on the points as recorded."""
+    if frame.calibration is None or (image := frame.image) is None:
+        return cloud
+    return replace(cloud, colour=with_colour(recorded, image, frame.calibration).colour)

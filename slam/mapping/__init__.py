@@ -1,0 +1,1 @@
+"""Keyframes, and the map that is made of them."""

@@ -1,0 +1,131 @@
+"""Keyframes, loops and the pose graph behind the odometry."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slam.config import load_config
+from slam.data import se3
+from slam.data.cloud import Array, Calibration, Frame, PointCloud
+from slam.mapper import Mapper, Mapping
+from slam.odometry import OdometryStep
+
+SIDE = 60.0  # metres, of a square block that is driven around, and on along its first side
+
+
+def block(seed: int) -> Array:
+    """Points on walls, posts and boxes around the block, different along each of its sides."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for _ in range(260):
+        place = rng.uniform(-30, SIDE + 30, 2)
+        to_street = np.abs(np.array([place[0], place[0] - SIDE, place[1], place[1] - SIDE])).min()
+        if to_street < 5 and (place > -5).all() and (place < SIDE + 5).all():
+            continue
+        size = rng.uniform(0.4, 5, 3) * [1, 1, 2]
+        points = rng.uniform(-0.5, 0.5, (500, 3)) * size
+        face, axis = rng.choice([-0.5, 0.5], 500), rng.integers(0, 2, 500)
+        points[np.arange(500), axis] = face * size[axis]
+        parts.append(points + np.array([*place, size[2] / 2 - 1.7]))
+    ground = np.column_stack([rng.uniform(-40, SIDE + 40, (60_000, 2)), np.full(60_000, -1.7)])
+    return np.concatenate([*parts, ground])
+
+
+def way() -> Array:
+    """(N, 4, 4): a pose a metre, once around and 30 m on."""
+    poses, metres = [], np.arange(0, 4 * SIDE + 30)
+    corners = np.array([[0, 0], [SIDE, 0], [SIDE, SIDE], [0, SIDE]])
+    for metre in metres:
+        side, along = int(metre // SIDE) % 4, metre % SIDE
+        yaw = side * np.pi / 2
+        pose = se3.exp(np.array([0, 0, yaw, 0, 0, 0]))
+        pose[:2, 3] = corners[side] + along * np.array([np.cos(yaw), np.sin(yaw)])
+        poses.append(pose)
+    return np.array(poses)
+
+
+@pytest.fixture(scope="module")
+def scans() -> list[PointCloud]:
+    world, clouds = block(1), []
+    for pose in way():
+        local = se3.inverse(pose)
+        points = world @ local[:3, :3].T + local[:3, 3]
+        points = points[np.linalg.norm(points, axis=1) < 45]
+        clouds.append(PointCloud(points.astype(np.float32), np.zeros(len(points))))
+    return clouds
+
+
+def drifting(poses: Array) -> Array:
+    """As an odometry that turns 0.03 deg too far each metre."""
+    motion = se3.inverse(poses[:-1]) @ poses[1:]
+    drift = se3.exp(np.array([0, 0, np.deg2rad(0.03), 0.004, 0, 0]))
+    result = [poses[0]]
+    for step in motion:
+        result.append(result[-1] @ step @ drift)
+    return np.array(result)
+
+
+def mapped(scans: list[PointCloud], poses: Array, *overrides: str) -> Mapping:
+    with Mapper(load_config(None, overrides)) as mapper:
+        for position, (scan, pose) in enumerate(zip(scans, poses, strict=True)):
+            step = OdometryStep(pose, 1e-6 * np.eye(6), "registered", None, scan)
+            mapper.add(position, Frame(position, 0.1 * position, scan), scan, step)
+        return mapper.finish()
+
+
+def distance(poses: Array, truth: Array) -> Array:
+    return np.linalg.norm(poses[:, :3, 3] - truth[:, :3, 3], axis=1)
+
+
+def test_a_loop_takes_the_drift_away(scans: list[PointCloud]) -> None:
+    truth = way()
+    odometry = drifting(truth)
+    mapping = mapped(scans, odometry)
+    corrected = mapping.corrected(odometry)
+    assert mapping.loops >= 5
+    np.testing.assert_allclose(corrected[0], truth[0], atol=1e-3)
+    end = slice(-30, None)
+    assert distance(odometry, truth)[end].min() > 2.0
+    assert distance(corrected, truth)[end].max() < 0.5
+    for record in mapping.ledger:
+        if record.status == "accepted":
+            i, j = mapping.keyframes.indices[[record.candidate.i, record.candidate.j]]
+            error = se3.inverse(se3.inverse(truth[i]) @ truth[j]) @ record.candidate.pose
+            assert np.linalg.norm(error[:3, 3]) < 0.5
+
+
+def test_it_is_the_same_every_time(scans: list[PointCloud]) -> None:
+    odometry = drifting(way())
+    one, two = (mapped(scans, odometry) for _ in range(2))
+    assert one.poses.tobytes() == two.poses.tobytes()
+    assert one.map.xyz.tobytes() == two.map.xyz.tobytes()
+
+
+def test_without_loops_the_odometry_stays_as_it_is(scans: list[PointCloud]) -> None:
+    odometry = drifting(way())
+    mapping = mapped(scans, odometry, "loops.enabled=false")
+    assert mapping.ledger == []
+    np.testing.assert_array_equal(mapping.corrected(odometry), odometry)
+    np.testing.assert_array_equal(mapping.poses, mapping.keyframes.poses)
+
+
+def test_failed_scans_make_no_keyframes(scans: list[PointCloud]) -> None:
+    with Mapper(load_config()) as mapper:
+        step = OdometryStep(np.eye(4), np.eye(6), "failed", None, scans[0])
+        mapper.add(0, Frame(0, 0.0, scans[0]), scans[0], step)
+        mapping = mapper.finish()
+    assert len(mapping.keyframes) == len(mapping.map) == 0
+    np.testing.assert_array_equal(mapping.corrected(np.eye(4)[None]), np.eye(4)[None])
+
+
+def test_what_goes_wrong_in_the_thread_is_raised(scans: list[PointCloud]) -> None:
+    def broken() -> Array:
+        raise OSError("no such image")
+
+    frame = Frame(0, 0.0, scans[0], Calibration(np.eye(3), np.eye(4)), broken)
+    step = OdometryStep(np.eye(4), np.eye(6), "registered", None, scans[0])
+    with Mapper(load_config()) as mapper:
+        mapper.add(0, frame, scans[0], step)
+        with pytest.raises(OSError, match="no such image"):
+            mapper.finish()
