@@ -8,6 +8,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from slam.mapper import Mapper, Mapping
 from slam.mapping.global_map import build_map
 from slam.mapping.keyframes import Keyframes
 from slam.odometry import Odometry
+from slam.recorded_odometry import RecordedOdometry
 from slam.settings import Config
 
 HISTORY = 5  # past clouds that a front end is shown
@@ -102,27 +104,27 @@ class Pipeline:
         dataset: Dataset,
         frames: slice = slice(None),
         *,
+        recorded: RecordedOdometry | None = None,
         strict: bool = False,
         on_frame: Callable[[FrameRecord], None] | None = None,
     ) -> Run:
-        """Odometry and map over the frames (positions in the data set, as in a list's slice).
+        """Odometry, loops and map over the frames (positions in the data set, as in a list's slice); poses that are
+        `recorded` take the odometry's place.
 
         Runs repeat bit for bit. Raises InputError where no frames are left, where a step asks for what the data do
         not have, and, with `strict`, at the first problem.
         """
         run = self._start(dataset, frames)
         front_end = self.front_end or RingFrontEnd(self.config.front_end, dataset.sensor)
-        odometry = Odometry(
-            self.config.odometry,
-            sweep_duration=sweep_duration(dataset),
-            vertical_correction=run.vertical_correction,
-        )
+        about: Any = {"sweep_duration": sweep_duration(dataset), "vertical_correction": run.vertical_correction}
+        odometry = recorded.steps(run.positions, **about) if recorded else Odometry(self.config.odometry, **about)
         past: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
         self._report(run, dataset.problems, strict)
 
         with Mapper(self.config) as mapper:
             for position, (frame, load) in enumerate(_read_ahead(dataset, run.positions)):
                 self._report(run, frame.problems, strict)
+                frame = recorded.stamped(frame, run.positions[position]) if recorded else frame
                 clock = _Clock(load)
                 now_world = se3.inverse(odometry.predict(frame.stamp))
                 cloud = front_end(frame, [(then, now_world @ pose) for then, pose in past])

@@ -29,6 +29,10 @@ def run(
     set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")] = None,
     frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
     sensor: Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML file with the beams.")] = None,
+    odometry: Annotated[
+        Path | None,
+        typer.Option(help="LiDAR poses of another odometry instead, one a scan, KITTI or TUM format."),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="The run folder. Default: runs/NAME-INPUT.")] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Stop at the first damaged file instead of going on.")
@@ -50,7 +54,7 @@ def run(
     settings = load_config(config, set_ or (), input=channels)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{settings.front_end.input}"
 
-    metrics = run_into(folder, data, settings, frame_slice(frames), strict=strict)
+    metrics = run_into(folder, data, settings, frame_slice(frames), odometry=odometry, strict=strict)
     report = read_report(folder)
     print(_summary(report))
     if metrics:

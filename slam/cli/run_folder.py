@@ -21,24 +21,28 @@ def run_into(
     settings: Config,
     frames: slice = slice(None),
     *,
+    odometry: Path | None = None,
     name: str | None = None,
     strict: bool = False,
 ) -> dict[str, Any] | None:
     """Write all files of a run folder, metrics.json and trajectory.png too; progress and problems go to stderr.
 
-    `name` of the drive is for progress and plot, by default the data set's. Returns what metrics.json holds, None
-    without ground truth. Raises InputError as `Pipeline.run` and `save_run` do.
+    `odometry` is a file of poses to take instead of our own. `name` of the drive is for progress and plot, by default
+    the data set's. Returns what metrics.json holds, None without ground truth. Raises InputError as `RecordedOdometry`,
+    `Pipeline.run` and `save_run` do.
     """
     from eval.evaluation import evaluate_run
     from eval.plot import plot_run
     from slam.pipeline import Pipeline, compile_kernels
+    from slam.recorded_odometry import RecordedOdometry
     from slam.session import save_run
 
     require_writable(folder)
+    recorded = RecordedOdometry(odometry, len(data)) if odometry else None
     title = f"{name or data.name}, {settings.front_end.input} channels"
     compile_kernels(settings, lambda: messages.print("Compiling kernels, once: about 20 seconds ..."))
     with progress(title, len(range(len(data))[frames])) as advance:
-        result = Pipeline(settings).run(data, frames, strict=strict, on_frame=lambda _: advance())
+        result = Pipeline(settings).run(data, frames, recorded=recorded, strict=strict, on_frame=lambda _: advance())
     save_run(result, folder)
     _report(result.problems)
     metrics = evaluate_run(folder)

@@ -1,0 +1,65 @@
+"""The poses that another odometry has found, in place of ours."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from slam.data import se3
+from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.distortion import correct_vertical, deskew
+from slam.data.errors import InputError
+from slam.data.pose_files import read_poses
+from slam.odometry import OdometryStep
+
+SIGMA = np.array([1e-4] * 3 + [1e-3] * 3)  # rad, m: a scan fits where it was put; how the poses drift is set elsewhere
+
+
+class RecordedOdometry:
+    """Poses from a file, KITTI or TUM format, one a scan of the drive, of the LiDAR.
+
+    stamps  (N,) seconds, or None where the file has none
+    poses   (N, 4, 4) T_world_lidar
+    """
+
+    def __init__(self, path: Path, scans: int) -> None:
+        """Raises InputError where the file cannot be read or has not as many poses as the drive has scans."""
+        self.stamps, self.poses = read_poses(path)
+        if len(self.poses) != scans:
+            raise InputError(f"{path}: {len(self.poses)} poses for {scans} scans; one a scan is needed, in their order")
+        if self.stamps is not None and (np.diff(self.stamps) <= 0).any():
+            line = int(np.argmax(np.diff(self.stamps) <= 0)) + 2
+            raise InputError(f"{path}: the stamp of line {line} is not later than the one before; sort or repair it")
+
+    def stamped(self, frame: Frame, position: int) -> Frame:
+        """The frame at that position of the drive, with the stamp that the file has for it."""
+        return frame if self.stamps is None else replace(frame, stamp=float(self.stamps[position]))
+
+    def steps(self, positions: range, *, sweep_duration: float, vertical_correction: float) -> RecordedSteps:
+        """An odometry over these positions of the drive."""
+        return RecordedSteps(self.poses[positions], sweep_duration, vertical_correction)
+
+
+class RecordedSteps:
+    """What `Odometry` does, with recorded poses (N, 4, 4): the first is made the identity."""
+
+    def __init__(self, poses: Array, sweep_duration: float, vertical_correction: float) -> None:
+        self._poses = se3.inverse(poses[0]) @ poses
+        self._sweep_duration, self._vertical_correction = sweep_duration, vertical_correction
+        self._next, self._stamp = 0, float("nan")
+
+    def predict(self, stamp: float) -> Array:
+        """The pose (4, 4) of the next scan."""
+        del stamp
+        return np.asarray(self._poses[self._next])
+
+    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
+        """The next scan at its pose, deskewed by the motion since the one before."""
+        pose, before = self._poses[self._next], self._poses[max(self._next - 1, 0)]
+        elapsed = stamp - self._stamp if stamp > self._stamp else self._sweep_duration
+        motion = se3.scale(se3.normalized(se3.inverse(before) @ pose), self._sweep_duration / elapsed)
+        self._next, self._stamp = self._next + 1, stamp
+        scan = correct_vertical(deskew(cloud, motion), self._vertical_correction)
+        return OdometryStep(pose, np.diag(SIGMA**2), "registered", None, scan)

@@ -1,0 +1,53 @@
+"""Poses of another odometry in place of ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slam.data import se3
+from slam.data.cloud import Array
+from slam.data.dataset import open_dataset
+from slam.data.errors import InputError
+from slam.data.pose_files import kitti_text, tum_text
+from slam.pipeline import Pipeline
+from slam.recorded_odometry import RecordedOdometry
+
+Drive = Callable[..., Path]
+
+
+def test_the_poses_are_taken_as_they_are(street_drive: Drive, street_poses: Array, tmp_path: Path) -> None:
+    elsewhere = se3.exp(np.array([0.1, 0.2, 0.3, 4, 5, 6]))
+    (tmp_path / "poses.txt").write_text(kitti_text(elsewhere @ street_poses))
+    data = open_dataset(street_drive())
+    run = Pipeline().run(data, recorded=RecordedOdometry(tmp_path / "poses.txt", len(data)))
+    np.testing.assert_allclose(run.poses, street_poses, atol=1e-6)
+    assert run.counts()["registered"] == 8
+    assert len(run.map) > 1000
+    assert np.abs(run.map.xyz[:, 1]).max() < 15  # the street's walls, where they belong
+
+
+def test_a_part_of_the_drive_has_its_part_of_the_poses(
+    street_drive: Drive, street_poses: Array, tmp_path: Path
+) -> None:
+    stamps = 1000 + 0.5 * np.arange(8)
+    (tmp_path / "poses.txt").write_text(tum_text(stamps, street_poses))
+    data = open_dataset(street_drive())
+    run = Pipeline().run(data, slice(3, 6), recorded=RecordedOdometry(tmp_path / "poses.txt", len(data)))
+    np.testing.assert_allclose(run.poses, se3.inverse(street_poses[3]) @ street_poses[3:6], atol=1e-6)
+    np.testing.assert_allclose(run.stamps, stamps[3:6])
+
+
+def test_too_few_poses_are_refused(street_poses: Array, tmp_path: Path) -> None:
+    (tmp_path / "poses.txt").write_text(kitti_text(street_poses[:5]))
+    with pytest.raises(InputError, match=r"poses\.txt: 5 poses for 8 scans; one a scan"):
+        RecordedOdometry(tmp_path / "poses.txt", 8)
+
+
+def test_stamps_that_do_not_rise_are_refused(street_poses: Array, tmp_path: Path) -> None:
+    (tmp_path / "poses.txt").write_text(tum_text(np.array([0, 1, 2, 2, 3, 4, 5, 6.0]), street_poses))
+    with pytest.raises(InputError, match="the stamp of line 4 is not later"):
+        RecordedOdometry(tmp_path / "poses.txt", 8)
