@@ -14,7 +14,7 @@ from slam.data.errors import InputError
 
 #: What the figures of a comparison mean, to be printed beside them.
 PROTOCOL = {
-    "ATE, RPE": "rmse by evo: ATE after SE(3) Umeyama alignment, without scale; RPE over consecutive frames",
+    "ATE, RPE": "rmse by evo, loops closed: ATE after SE(3) Umeyama alignment, without scale; RPE over consecutive frames",
     "drift": "KITTI devkit's odometry metric, no alignment",
     "points a scan": "median of what is handed to the odometry, before it is thinned",
     "front end, odometry": "median milliseconds a frame: from the scan as read to the points handed over, and from "
@@ -26,7 +26,7 @@ def compare_runs(folders: Mapping[str, Path]) -> dict[str, Any]:
     """What compare.json holds, for the run folder of each input ("16", "64"): {"inputs": ..., "protocol": ...}.
 
     Each input has its figures, None where there is no ground truth or the drive is too short: `ate_m`, `rpe_m`,
-    `rpe_deg`, `drift_percent`, `drift_deg_per_100m` and `drift_name`, `path_m`, `frames`, `failed`, `map_points`,
+    `rpe_deg`, `drift_percent`, `drift_deg_per_100m` and `drift_name`, `path_m`, `frames`, `failed`, `loops`, `map_points`,
     `points_per_scan`, `front_end_ms`, `odometry_ms`, and `notes`. Raises InputError where a folder holds no whole run.
     """
     inputs = {name: _figures(folder) for name, folder in folders.items()}
@@ -47,6 +47,7 @@ def _figures(folder: Path) -> dict[str, Any]:
             "path_m": report["path_length_m"],
             "frames": report["counts"]["frames"],
             "failed": report["counts"]["failed"],
+            "loops": report["loops"]["accepted"],
             "map_points": report["map_points"],
             "points_per_scan": round(median(points)),
             "front_end_ms": times["front_end"]["median"],

@@ -33,6 +33,7 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("path\n[m]", "path_m", ".1f"),
     ("frames", "frames", "d"),
     ("failed", "failed", "d"),
+    ("loops", "loops", "d"),
     ("map\npoints", "map_points", ",d"),
     ("points\na scan", "points_per_scan", ",d"),
     ("front end\n[ms]", "front_end_ms", ".1f"),

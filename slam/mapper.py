@@ -24,7 +24,7 @@ from slam.odometry import OdometryStep
 from slam.settings import Config
 
 LEAST_WAY = 0.5  # m that the drift is reckoned with, though the car may have turned on the spot
-AHEAD = 40  # scans that may wait: so many the odometry can be ahead, and the memory that they take
+AHEAD = 20  # scans that may wait: so many the odometry can be ahead, and the memory that they take
 STAGES = ("map", "loops", "back_end")
 
 

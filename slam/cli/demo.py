@@ -46,7 +46,7 @@ def demo(
     print(f"\nA simulated drive around the block, {count} frames, against its true poses\n")
     print(format_comparison(comparison))
     for folder in folders.values():
-        print(f"{folder}: map.pcd, trajectory_tum.txt (and _kitti), trajectory.png, metrics.json")
+        print(f"{folder}: map.pcd, map.png, trajectory_tum.txt (and _kitti), trajectory.png, loops.csv, metrics.json")
     print(f"{out / 'compare.json'}: the table above")
     print("Your own drive: lidarlift run path/to/drive")
 

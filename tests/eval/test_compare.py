@@ -27,6 +27,7 @@ def run_folder(tmp_path):
         folder.mkdir()
         report = {
             "counts": {"frames": 101, "failed": failed},
+            "loops": {"keyframes": 50, "candidates": 9, "accepted": 7},
             "path_length_m": length,
             "map_points": 1_234_567,
             "timings_ms": {"front_end": {"median": 1.25, "p95": 3.0}, "odometry": {"median": 12.5, "p95": 20.0}},
@@ -49,7 +50,7 @@ def test_the_figures_of_each_input(run_folder):
     assert sixteen["rpe_m"] == pytest.approx(0.01)
     assert sixteen["drift_percent"] == pytest.approx(1.0, rel=0.03)
     assert sixteen["drift_name"] == "short drive, 50 m"
-    assert (sixteen["frames"], sixteen["failed"], sixteen["path_m"]) == (101, 2, 101.0)
+    assert (sixteen["frames"], sixteen["failed"], sixteen["loops"], sixteen["path_m"]) == (101, 2, 7, 101.0)
     assert (sixteen["map_points"], sixteen["points_per_scan"]) == (1_234_567, 10_000)
     assert (sixteen["front_end_ms"], sixteen["odometry_ms"]) == (1.25, 12.5)
     assert (sixty_four["ate_m"], sixty_four["failed"]) == (pytest.approx(0, abs=1e-9), 0)
