@@ -14,7 +14,7 @@ from slam.data.errors import InputError
 
 #: What the figures of a comparison mean, to be printed beside them.
 PROTOCOL = {
-    "ATE, RPE": "rmse by evo, loops closed: ATE after SE(3) Umeyama alignment, without scale; RPE over consecutive frames",
+    "ATE, RPE": "rmse by evo, loops closed: ATE after SE(3) Umeyama alignment without scale, RPE frame to frame",
     "drift": "KITTI devkit's odometry metric, no alignment",
     "points a scan": "median of what is handed to the odometry, before it is thinned",
     "front end, odometry": "median milliseconds a frame: from the scan as read to the points handed over, and from "
@@ -26,8 +26,9 @@ def compare_runs(folders: Mapping[str, Path]) -> dict[str, Any]:
     """What compare.json holds, for the run folder of each input ("16", "64"): {"inputs": ..., "protocol": ...}.
 
     Each input has its figures, None where there is no ground truth or the drive is too short: `ate_m`, `rpe_m`,
-    `rpe_deg`, `drift_percent`, `drift_deg_per_100m` and `drift_name`, `path_m`, `frames`, `failed`, `loops`, `map_points`,
-    `points_per_scan`, `front_end_ms`, `odometry_ms`, and `notes`. Raises InputError where a folder holds no whole run.
+    `rpe_deg`, `drift_percent`, `drift_deg_per_100m` and `drift_name`, `path_m`, `frames`, `failed`, `loops`,
+    `map_points`, `points_per_scan`, `front_end_ms`, `odometry_ms`, and `notes`. Raises InputError where a folder holds
+    no whole run.
     """
     inputs = {name: _figures(folder) for name, folder in folders.items()}
     segments = sorted({figures["drift_name"] for figures in inputs.values() if figures["drift_name"]})

@@ -21,6 +21,8 @@ GAP = 5.0  # sweeps without a scan: the prediction is not trusted then, it is se
 EVICT_EVERY = 5.0  # m of way between two clean-ups of the map
 LOST_AFTER = 5  # so many failures in a row, and the map starts anew where the sensor is thought to be
 SEARCH_STEP = 0.5  # m, below the reach of a coarse cell
+SEARCH_TURNS = np.deg2rad([0, 4, -4, 8, -8, 12, -12, 16, -16])  # about the vertical: a sharp corner in one frame
+USUAL_OVERLAP, OVERLAP_MEMORY = 0.8, 10  # share of the mean overlap of so many scans that none falls below in passing
 FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m: what a pose kept from the prediction is worth
 
 
@@ -67,7 +69,7 @@ class Odometry:
         self._pose, self._stamp = np.eye(4), float("nan")  # of the last scan that was registered
         self._velocity = np.zeros(6)  # rad/s, m/s in the sensor's axes
         self._registered = self._failures = 0
-        self._jumps = self._squared_jumps = 0.0
+        self._jumps = self._squared_jumps = self._overlap = 0.0
         self._evicted_at = np.zeros(3)
 
     def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
@@ -103,7 +105,8 @@ class Odometry:
         gap = self._failures > 0 or self._elapsed(stamp) > GAP * self.sweep_duration
         searching = self._registered < 2 or gap
         found = self._search(points, prediction) if searching else self.target.align(*points, prediction)
-        if not searching and not (self._sound(found) and self._jump(prediction, found.pose) < self._gate()):
+        expected = self._sound(found) and self._usual(found) and self._jump(prediction, found.pose) < self._gate()
+        if not searching and not expected:
             status, found = "retried", self._search(points, prediction, found)
         if not self._sound(found):
             return self._kept(prediction, scan, found)
@@ -120,8 +123,9 @@ class Odometry:
         def score(pose: Array) -> float:
             return self.target.score(xyz, weight, pose)
 
-        starts = [centre]
-        for radius in np.arange(SEARCH_STEP, self.settings.search_radius + 1e-9, SEARCH_STEP):
+        radii = np.arange(0.0, self.settings.search_radius + 1e-9, SEARCH_STEP)
+        starts = [centre @ se3.exp(np.array([0, 0, turn, way, 0, 0])) for turn in SEARCH_TURNS for way in radii]
+        for radius in radii[1:]:
             for heading in np.arange(8) * np.pi / 4:
                 offset = np.eye(4)
                 offset[:2, 3] = radius * np.cos(heading), radius * np.sin(heading)
@@ -135,6 +139,11 @@ class Odometry:
         worst = float(np.linalg.eigvalsh(found.covariance[3:, 3:])[-1])
         fits = found.inlier_ratio >= self.settings.min_inlier_ratio
         return fits and 0.0 < worst < self.settings.max_position_sigma**2
+
+    def _usual(self, found: RegistrationResult) -> bool:
+        """It has settled, and meets about as much of the map as scans did before: after an abrupt turn, a wrong pose
+        still finds ground and walls that fit."""
+        return found.converged and found.overlap >= USUAL_OVERLAP * self._overlap
 
     def _jump(self, prediction: Array, pose: Array) -> float:
         """How far the registration moved a point at the end of the range away from its prediction, at most [m]."""
@@ -155,6 +164,8 @@ class Odometry:
         if self._registered > 1:
             self._jumps += 1
             self._squared_jumps += self._jump(self.predict(stamp), step.pose) ** 2
+        if step.registration:
+            self._overlap += (step.registration.overlap - self._overlap) / min(self._registered, OVERLAP_MEMORY)
         motion = se3.normalized(se3.inverse(self._pose) @ step.pose)
         if self._registered:
             self._velocity = se3.log(motion) / self._elapsed(stamp)

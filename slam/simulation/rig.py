@@ -32,12 +32,12 @@ class SimulatedFrame:
     """What the car recorded in one frame, and the truth where that was asked for.
 
     scan, exact   (N, 4) float32: x, y, z, reflectance, in KITTI's file order; `exact` by 64 channels without any error
-    image         (H, W, 3) uint8 RGB
+    image         (H, W, 3) uint8 RGB, None without a camera
     depth         (H, W) float32: z [m] in the camera's frame, 0 = sky
     """
 
     scan: Array
-    image: Array
+    image: Array | None
     exact: Array | None
     depth: Array | None
 
@@ -49,8 +49,18 @@ class Rig:
     calibration  the camera's
     """
 
-    def __init__(self, drive: Drive, sensor: Sensor, seed: int, *, distort: bool, truth: bool) -> None:
-        self._drive, self._sensor, self._seed, self._distort, self._truth = drive, sensor, seed, distort, truth
+    def __init__(
+        self,
+        drive: Drive,
+        sensor: Sensor,
+        seed: int,
+        *,
+        distort: bool = False,
+        truth: bool = False,
+        camera: bool = True,
+    ) -> None:
+        self._drive, self._sensor, self._seed = drive, sensor, seed
+        self._distort, self._truth, self._camera = distort, truth, camera
         rng = np.random.default_rng([seed, 0])
         self._terrain = Terrain(drive.position, rng, hills=0.0 if drive.tunnel else 1.0)
         self.poses = self._terrain.poses(drive.position, drive.yaw, LIDAR_HEIGHT, _sway(drive, rng))
@@ -74,7 +84,7 @@ class Rig:
         pose, motion = self.poses[index], self._motion(index)
         recorded = scan(world, self._sensor, pose, motion, rng)
         T_world_camera = pose @ se3.inverse(self.calibration.T_camera_lidar)
-        image, depth = render(world, T_world_camera, self._look, rng)
+        image, depth = render(world, T_world_camera, self._look, rng) if self._camera else (None, None)
         exact = exact_scan(world, load_sensor("hdl64"), pose, motion) if self._truth else None
         return SimulatedFrame(
             scan=np.column_stack(recorded),

@@ -46,6 +46,7 @@ class Settings:
     sensor      hdl64 or vlp16
     distort     the car moves while the LiDAR turns, as in KITTI's raw drives
     depth       also write the exact depth of each image and the exact 64-channel scan
+    camera      take images at all: without, a drive takes a fifth of the time and half of the room
     """
 
     drive: str = "loop"
@@ -55,6 +56,7 @@ class Settings:
     distort: bool = False
     seed: int = 0
     depth: bool = False
+    camera: bool = True
 
 
 class Simulation:
@@ -73,7 +75,9 @@ class Simulation:
         """The car in its town, which takes a few seconds to build."""
         settings = self.settings
         sensor = load_sensor(settings.sensor)
-        return Rig(self.drive, sensor, settings.seed, distort=settings.distort, truth=settings.depth)
+        return Rig(
+            self.drive, sensor, settings.seed, distort=settings.distort, truth=settings.depth, camera=settings.camera
+        )
 
     def matches(self, folder: Path) -> bool:
         """Whether a folder is empty or absent, or holds this very simulation, whole or in part."""
@@ -107,14 +111,14 @@ class Simulation:
     def write_frame(self, sequence: Path, number: int) -> None:
         """One frame into the folder of its sequence; its scan, which comes last, says that it is whole."""
         frame = self.rig.frame(number)
-        scan, image, *truth = self._files(sequence, number)
-        _write(image, _png(frame.image[..., ::-1]))
-        if truth:
-            assert frame.exact is not None
-            assert frame.depth is not None
-            _write(truth[0], frame.exact.tobytes())
-            _write(truth[1], _png(np.minimum(np.round(frame.depth * DEPTH_SCALE), 65535).astype(np.uint16)))
-        _write(scan, frame.scan.tobytes())
+        values = {
+            "image_2": frame.image,
+            "depth_2": frame.depth,
+            "velodyne_exact": frame.exact,
+            "velodyne": frame.scan,
+        }
+        for path in self._files(sequence, number):
+            _write(path, values[path.parent.name])
 
     def _share_out(self, sequence: Path, numbers: list[int], on_frame: Callable[[], None]) -> None:
         """Frames written by one process a core; those of one stretch by the same, which builds it once."""
@@ -136,11 +140,15 @@ class Simulation:
                 raise InputError(message) from error
 
     def _files(self, sequence: Path, number: int) -> tuple[Path, ...]:
-        """The files of a frame, as `_write_frame` takes them."""
-        folders = {"velodyne": "bin", "image_2": "png"}
-        if self.settings.depth:
-            folders |= {"velodyne_exact": "bin", "depth_2": "png"}
-        return tuple(sequence / folder / f"{number:06d}.{suffix}" for folder, suffix in folders.items())
+        """The files of a frame, in the order in which they are written."""
+        settings = self.settings
+        parts = {
+            "image_2/{:06d}.png": settings.camera,
+            "depth_2/{:06d}.png": settings.camera and settings.depth,
+            "velodyne_exact/{:06d}.bin": settings.depth,
+            "velodyne/{:06d}.bin": True,
+        }
+        return tuple(sequence / name.format(number) for name, wanted in parts.items() if wanted)
 
     def _write_surroundings(self, folder: Path, sequence: Path) -> None:
         """All but the frames: what they are, calibration, stamps, sensor and true poses of the whole drive."""
@@ -170,6 +178,7 @@ class Simulation:
             "distort": settings.distort,
             "seed": settings.seed,
             "depth": settings.depth,
+            "camera": settings.camera,
             "frames": len(self),
             "digest": digest.hexdigest()[:16],
         }
@@ -189,10 +198,13 @@ def _write_one(sequence: Path, number: int) -> None:
     _simulation.write_frame(sequence, number)
 
 
-def _png(pixels: Array) -> bytes:
-    return cv2.imencode(".png", pixels, PNG)[1].tobytes()
-
-
-def _write(path: Path, content: bytes) -> None:
+def _write(path: Path, values: Array | None) -> None:
+    """Points (N, 4) float32 as .bin; an image (H, W, 3) uint8 RGB or a depth map (H, W) float32 [m] as .png."""
+    assert values is not None
+    if path.suffix == ".bin":
+        content = values.tobytes()
+    else:
+        depth = np.minimum(np.round(values * DEPTH_SCALE), 65535).astype(np.uint16) if values.ndim == 2 else None
+        content = cv2.imencode(".png", values[..., ::-1] if depth is None else depth, PNG)[1].tobytes()
     with written_beside(path) as temporary:
         temporary.write_bytes(content)

@@ -64,7 +64,7 @@ def test_a_row_an_input(run_folder):
     words = " ".join(title for title, _, _ in COLUMNS).split()
     assert sorted([*above.split(), *below.split()]) == sorted(["Input", *words])
     assert sixteen.split()[0] == "16"
-    assert sixteen.split()[-7:] == ["101.0", "101", "2", "1,234,567", "10,000", "1.2", "12.5"]
+    assert sixteen.split()[-8:] == ["101.0", "101", "2", "7", "1,234,567", "10,000", "1.2", "12.5"]
     assert enriched.split()[:3] == ["enriched", "0.000", "0.0000"]
     assert "ATE after SE(3) Umeyama alignment" in text
     assert "drift: KITTI devkit's odometry metric, no alignment; short drive, 50 m" in text
@@ -75,7 +75,7 @@ def test_no_ground_truth(run_folder):
     comparison = compare_runs({"64": run_folder("a", 100.0, reference=None)})
     assert comparison["inputs"]["64"]["ate_m"] is None
     row = format_comparison(comparison).splitlines()[3]
-    assert row.split() == ["64", *5 * ["-"], "100.0", "101", "0", "1,234,567", "10,000", "1.2", "12.5"]
+    assert row.split() == ["64", *5 * ["-"], "100.0", "101", "0", "7", "1,234,567", "10,000", "1.2", "12.5"]
     assert "64: no ground truth" in format_comparison(comparison)
 
 

@@ -14,6 +14,7 @@ from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset, open_dataset
 from slam.odometry import Odometry, OdometryStep
 from slam.settings import OdometrySettings
+from slam.simulation.simulation import Settings, Simulation
 
 RealData = Callable[[str], Path]
 
@@ -331,3 +332,18 @@ def test_two_runs_are_the_same_bit_for_bit(real_data: RealData, name: str) -> No
     first, second = (through(dataset, range(15)) for _ in range(2))
     np.testing.assert_array_equal(poses_of(first), poses_of(second))
     np.testing.assert_array_equal([s.covariance for s in first], [s.covariance for s in second])
+
+
+def test_a_drive_may_begin_in_a_sharp_corner() -> None:
+    """Ten degrees and 1.5 m from the first frame to the second: neither is known yet."""
+    simulation = Simulation(Settings(spacing=1.5, camera=False))
+    frames = range(184, 194)
+    odometry, poses = Odometry(OdometrySettings()), []
+    for number in frames:
+        scan = simulation.rig.frame(number).scan
+        poses.append(odometry.register(PointCloud(scan[:, :3], scan[:, 3]), 0.1 * number).pose)
+    assert np.rad2deg(simulation.drive.yaw[frames[1]] - simulation.drive.yaw[frames[0]]) > 9
+    truth = se3.inverse(simulation.rig.poses[frames[0]]) @ simulation.rig.poses[frames]
+    error = se3.inverse(truth) @ np.array(poses)
+    assert np.linalg.norm(error[:, :3, 3], axis=1).max() < 0.1
+    assert np.rad2deg(se3.angle(error)).max() < 0.3

@@ -181,3 +181,12 @@ def test_a_distorted_drive_is_deskewed_by_its_times(tmp_path: Path) -> None:
     assert frame.cloud.ring is not None
     assert set(frame.cloud.ring) <= set(range(16))
     assert frame.problems == ()
+
+
+def test_without_a_camera_the_scans_are_the_same(jam: tuple[Simulation, Path], tmp_path: Path) -> None:
+    _, folder = jam
+    Simulation(Settings(drive="jam", camera=False)).write(tmp_path / "jam", 1)
+    scan = Path("sequences/00/velodyne/000000.bin")
+    assert (tmp_path / "jam" / scan).read_bytes() == (folder / scan).read_bytes()
+    assert not (tmp_path / "jam/sequences/00/image_2").exists()
+    assert open_dataset(tmp_path / "jam")[0].image is None
