@@ -94,4 +94,4 @@ def _export_map(folder: Path, out: Path, T: Array) -> None:
 
     points = read_points(folder / "map.pcd")
     intensity = np.zeros(len(points.xyz)) if points.intensity is None else points.intensity
-    write_points(out, PointCloud(points.xyz, intensity).transformed(T))
+    write_points(out, PointCloud(points.xyz, intensity, colour=points.colour).transformed(T))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +25,14 @@ NAMES = {
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """N points: xyz (N, 3) float32 metres; intensity, ring and time (N,) as the file has them, or None."""
+    """N points: xyz (N, 3) float32 metres; intensity, ring and time (N,) as the file has them, colour (N, 3) uint8, or
+    None."""
 
     xyz: Array
     intensity: Array | None = None
     ring: Array | None = None
     time: Array | None = None
+    colour: Array | None = None
     problems: tuple[Problem, ...] = ()
 
 
@@ -97,7 +99,9 @@ def _from_open3d(path: Path) -> Points:
         return _unreadable(path, f"damaged, or not a {path.suffix} file with points")
     columns = {name.lower(): cloud.point[name].numpy() for name in cloud.point if name != "positions"}
     single = {name: column[:, 0] for name, column in columns.items() if column.ndim == 2 and column.shape[1] == 1}
-    return _from_columns(cloud.point["positions"].numpy(), single)
+    colour = columns.get("colors")
+    points = _from_columns(cloud.point["positions"].numpy(), single)
+    return points if colour is None or colour.dtype != np.uint8 else replace(points, colour=colour)
 
 
 def _from_columns(xyz: Array, columns: Mapping[str, Array]) -> Points:

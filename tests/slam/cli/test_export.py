@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slam.data.cloud import PointCloud
 from slam.data.point_files import read_points
+from slam.data.point_writer import write_points
 from slam.data.pose_files import read_poses
 
 Command = Callable[..., Any]
@@ -34,6 +36,15 @@ def test_maps_are_exported(lidarlift: Command) -> None:
     np.testing.assert_array_equal(ply.intensity, own.intensity)
     x, y, z = own.xyz.T
     assert camera.xyz == pytest.approx(np.column_stack([-y + 0.1, -z + 0.2, x + 0.3]), abs=1e-4)
+
+
+@pytest.mark.usefixtures("finished")
+def test_an_exported_map_keeps_its_colours(lidarlift: Command) -> None:
+    own = read_points(Path("r/map.pcd"))
+    colour = (np.arange(3 * len(own.xyz)) % 251).astype(np.uint8).reshape(-1, 3)
+    write_points(Path("r/map.pcd"), PointCloud(own.xyz, own.xyz[:, 0] * 0, colour=colour))
+    assert lidarlift("export", "r", "map.ply").code == 0
+    np.testing.assert_array_equal(read_points(Path("map.ply")).colour, colour)
 
 
 @pytest.mark.usefixtures("finished")
