@@ -21,7 +21,7 @@ GAP = 5.0  # sweeps without a scan: the prediction is not trusted then, it is se
 EVICT_EVERY = 5.0  # m of way between two clean-ups of the map
 LOST_AFTER = 5  # so many failures in a row, and the map starts anew where the sensor is thought to be
 SEARCH_STEP = 0.5  # m, below the reach of a coarse cell
-SEARCH_TURNS = np.deg2rad([0, 4, -4, 8, -8, 12, -12, 16, -16])  # about the vertical: a sharp corner in one frame
+SEARCH_TURNS = np.deg2rad([4, -4, 8, -8, 12, -12, 16, -16])  # about the vertical: a sharp corner in one frame
 USUAL_OVERLAP, OVERLAP_MEMORY = 0.8, 10  # share of the mean overlap of so many scans that none falls below in passing
 FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m: what a pose kept from the prediction is worth
 
@@ -123,14 +123,14 @@ class Odometry:
         def score(pose: Array) -> float:
             return self.target.score(xyz, weight, pose)
 
-        radii = np.arange(0.0, self.settings.search_radius + 1e-9, SEARCH_STEP)
-        starts = [centre @ se3.exp(np.array([0, 0, turn, way, 0, 0])) for turn in SEARCH_TURNS for way in radii]
-        for radius in radii[1:]:
-            for heading in np.arange(8) * np.pi / 4:
+        moves, arcs = [centre], []
+        for radius in np.arange(0.0, self.settings.search_radius + 1e-9, SEARCH_STEP):
+            arcs += [centre @ se3.exp(np.array([0, 0, turn, radius, 0, 0])) for turn in SEARCH_TURNS]
+            for heading in np.arange(8) * np.pi / 4 if radius else ():
                 offset = np.eye(4)
                 offset[:2, 3] = radius * np.cos(heading), radius * np.sin(heading)
-                starts.append(centre @ offset)
-        best = sorted(starts, key=score, reverse=True)[:3]
+                moves.append(centre @ offset)
+        best = sorted(moves, key=score, reverse=True)[:3] + sorted(arcs, key=score, reverse=True)[:2]
         tried = [self.target.align(xyz, weight, pose) for pose in best]
         return max((*found, *tried), key=lambda result: score(result.pose))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from slam.mapping.visibility import COLUMNS, RangeImage
 from slam.mapping.voxel_averages import VoxelAverages
 from slam.settings import KeyframeSettings
 
+RECENT = 32  # keyframes that stay unpacked: the surroundings of a query and of its candidates; 3 MB each
 STEP = 0.003  # m: coordinates are kept as whole multiples of it in 16 bits, which reach 98 m; noise is 20 mm
 
 
@@ -51,6 +53,7 @@ class Keyframes(Sequence[Keyframe]):
         self._begun: Keyframe | None = None  # its cloud is its own scan's alone
         self._kept: list[tuple[int, Array, float]] = []
         self.spill = Spill(int(1e6 * limits.memory_mb))
+        self._unpacked_lately = lru_cache(RECENT)(self._unpack)  # neighbours are asked for again and again
 
     def add(self, cloud: PointCloud, pose: Array, index: int, way: float) -> Keyframe | None:
         """The next registered scan: deskewed, in the sensor's frame, seen from `pose` (4, 4), T_world_lidar.
@@ -77,7 +80,9 @@ class Keyframes(Sequence[Keyframe]):
         return len(self._kept)
 
     def __getitem__(self, position: int) -> Keyframe:  # type: ignore[override]  # no slices
-        number = range(len(self._kept))[position]
+        return self._unpacked_lately(range(len(self._kept))[position])
+
+    def _unpack(self, number: int) -> Keyframe:
         return Keyframe(*self._kept[number], *_unpacked(self.spill.read(number)))
 
     def __iter__(self) -> Iterator[Keyframe]:
