@@ -1,4 +1,4 @@
-"""What stands on pavements: lamps, signs, fences, bollards, bins, benches, boxes and poles.
+"""What stands on pavements: lamps, signs, fences, bollards, bins, benches and boxes.
 
 Everything stands on z = 0 at the origin, reaches FOOT below it, and looks to -y where it has a front.
 """
@@ -20,7 +20,6 @@ WHITE: Colour = (226, 226, 224)
 RED: Colour = (176, 32, 36)
 BLUE: Colour = (28, 74, 146)
 YELLOW: Colour = (232, 186, 40)
-GREY: Colour = (112, 114, 114)
 MASTS: list[Colour] = [STEEL, (96, 100, 102), (62, 78, 70)]
 WOODS: list[Colour] = [(126, 96, 66), (104, 80, 58), (150, 142, 130), (206, 202, 194)]
 PAINTS: list[Colour] = [(58, 72, 64), (66, 68, 72), (142, 146, 148), (74, 92, 78)]
@@ -174,19 +173,6 @@ def electric_box(rng: np.random.Generator) -> Mesh:
             _uprights(centres, leaf, (0.17, height - 0.06), -deep / 2 - 0.012, "metal", darker),
         ]
     )
-
-
-def power_pole(rng: np.random.Generator) -> Mesh:
-    """A wooden pole of 7.5 to 9.5 m with one or two crossarms, along x, and their insulators."""
-    height = rng.uniform(7.5, 9.5)
-    wood = shade(rng, [(104, 88, 72)])
-    parts = [cylinder([0.14, 0.09], [(0, 0, -FOOT), (0, 0, height)], 6, "wood", wood)]
-    for level in height - 0.3 - 0.7 * np.arange(rng.integers(1, 3)):
-        parts.append(box((1.7, 0.1, 0.12), "wood", wood).placed(0, -0.12, level))
-        parts += [
-            prism(_ring(0.04, 4, level + 0.12), 0.16, "glass", (150, 156, 152)).placed(x, -0.12, 0) for x in (-0.7, 0.7)
-        ]
-    return joined(parts)
 
 
 def _polygon(radius: float, corners: int, start: float) -> Array:

@@ -61,15 +61,11 @@ class Streets:
         self._points = np.concatenate([road.line for road in self.roads])
         self._road = np.repeat(np.arange(len(self.roads)), [len(road.line) for road in self.roads])
         self._metre = np.concatenate([np.arange(len(road.line)) for road in self.roads])
-        self._tree, self._path_tree = cKDTree(self._points), cKDTree(self.path)
+        self._tree = cKDTree(self._points)
 
     def distance(self, places: Array) -> Array:
         """(N,) metres from places (N, 2) to the nearest middle line."""
         return np.asarray(self._tree.query(places)[0])
-
-    def distance_to_path(self, places: Array) -> Array:
-        """(N,) metres from places (N, 2) to the way that the car takes."""
-        return np.asarray(self._path_tree.query(places)[0])
 
     def distance_to_others(self, places: Array, road: int, metre: Array, before: bool = False) -> Array:
         """(N,) metres from places (N, 2) on a road, at `metre` (N,) of it, to other roads and to that road farther on;

@@ -12,7 +12,6 @@ from slam.simulation.furniture import (
     electric_box,
     fence,
     lamp,
-    power_pole,
     sign,
     wheelie_bin,
 )
@@ -32,7 +31,6 @@ PIECES: dict[str, Piece] = {
     "bin": (wheelie_bin, 0.85, 1.1, 0.5),
     "bench": (bench, 0.8, 0.9, 1.1),
     "box": (electric_box, 0.9, 1.5, 0.8),
-    "pole": (power_pole, 7.4, 9.6, 0.9),
     "fence": (lambda rng: fence(rng, LENGTH), 0.8, 2.0, LENGTH),
 }
 

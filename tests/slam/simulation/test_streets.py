@@ -54,4 +54,3 @@ def test_a_street_driven_twice_is_built_once(loop: tuple[Streets, Terrain, World
 def test_middle_lines_are_half_a_lane_to_the_left(loop: tuple[Streets, Terrain, World]) -> None:
     streets, _, _ = loop
     assert np.median(streets.distance(streets.path)) == pytest.approx(1.75, abs=0.05)
-    assert streets.distance_to_path(streets.path).max() < 1e-9
