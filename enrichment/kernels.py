@@ -59,50 +59,98 @@ def _turn(rho_a, z_a, rho_b, z_b):
 
 
 @njit(cache=True, nogil=True)
-def ray_segments(xyz, image, upper, tangent, offset, share, length, slope, turn):
-    """Where rays meet the segments between the returns above and below them; all outputs (R, W).
+def segments(xyz, image):
+    """The straight lines from each return to the one below it, in the vertical plane of its column.
 
-    xyz (N, 3); image (K, W) int32: the points of the K rings there are, -1 for none; upper (R,): the row of `image`
-    above each ray, -1 for a ray that is above the first, below the last or on a ring; tangent, offset (R,): its line.
-    share   0 at the return above, 1 at the one below; NaN where one of them is missing
-    length  m; slope  rad, of the segment against the horizontal plane
-    turn    rad, by which the segment is bent against the next one above or below: the smaller; pi where there are none
+    xyz (N, 3); image (K, W) int32, the points of the K rings that there are, -1 for none. Returns (K, W) float32 rho
+    and z of the points, and (K - 1, W) float32 length [m] (0 where one end is missing), slope [rad] against the
+    horizontal, and turn [rad]: the angle to the next segment above or below, the smaller; pi where there are none.
     """
     rings, columns = image.shape
-    rho, z = np.empty((rings, columns), np.float32), np.empty((rings, columns), np.float32)
+    rho, z = np.zeros((rings, columns), np.float32), np.zeros((rings, columns), np.float32)
     for k in range(rings):
         for column in range(columns):
             point = image[k, column]
             if point >= 0:
                 rho[k, column] = math.hypot(xyz[point, 0], xyz[point, 1])
                 z[k, column] = xyz[point, 2]
-    share[:] = np.nan
-    last, bent = -1, np.empty(columns, np.float32)
-    for row in range(len(upper)):
-        k = upper[row]
-        if k < 0:
-            continue
-        if k != last:  # the rays between two rings share their segments
-            last = k
-            for column in range(columns):
-                bent[column] = math.pi
-                if image[k, column] < 0 or image[k + 1, column] < 0:
-                    continue
-                forth, down = rho[k + 1, column] - rho[k, column], z[k + 1, column] - z[k, column]
-                if k > 0 and image[k - 1, column] >= 0:
-                    above = _turn(rho[k, column] - rho[k - 1, column], z[k, column] - z[k - 1, column], forth, down)
-                    bent[column] = above
-                if k + 2 < rings and image[k + 2, column] >= 0:
-                    f, d = rho[k + 2, column] - rho[k + 1, column], z[k + 2, column] - z[k + 1, column]
-                    bent[column] = min(bent[column], _turn(forth, down, f, d))
+    length = np.zeros((rings - 1, columns), np.float32)
+    slope, turn = np.zeros_like(length), np.full_like(length, np.float32(math.pi))
+    for k in range(rings - 1):
         for column in range(columns):
             if image[k, column] < 0 or image[k + 1, column] < 0:
                 continue
             forth, down = rho[k + 1, column] - rho[k, column], z[k + 1, column] - z[k, column]
-            above = z[k, column] - tangent[row] * rho[k, column] - offset[row]  # of the ray
-            fall = tangent[row] * forth - down
-            t = above / fall if fall != 0.0 else 0.5
-            share[row, column] = min(max(t, 0.0), 1.0)
-            length[row, column] = math.hypot(forth, down)
-            slope[row, column] = math.atan2(abs(down), abs(forth))
-            turn[row, column] = bent[column]
+            length[k, column] = max(math.hypot(forth, down), 1e-6)
+            slope[k, column] = math.atan2(abs(down), abs(forth))
+            if k > 0 and image[k - 1, column] >= 0:
+                bend = _turn(rho[k, column] - rho[k - 1, column], z[k, column] - z[k - 1, column], forth, down)
+                turn[k, column] = bend
+                turn[k - 1, column] = min(turn[k - 1, column], bend)
+    return rho, z, length, slope, turn
+
+
+@njit(cache=True, nogil=True)
+def meet(rho, z, length, upper, tangent, offset):
+    """(R, W) float32, metres: at which rho each ray meets the segment between the returns above and below; 0: at none.
+
+    rho, z (K, W) and length (K - 1, W) of `segments`; upper (R,): the ring above each ray, -1 for none; tangent,
+    offset (R,): z = tangent * rho + offset is its line. Rays that pass above or below a segment meet its end.
+    """
+    columns = rho.shape[1]
+    met = np.zeros((len(upper), columns), np.float32)
+    for row in range(len(upper)):
+        k = upper[row]
+        if k < 0:
+            continue
+        for column in range(columns):
+            if length[k, column] == 0.0:
+                continue
+            forth, down = rho[k + 1, column] - rho[k, column], z[k + 1, column] - z[k, column]
+            above, fall = z[k, column] - tangent[row] * rho[k, column] - offset[row], tangent[row] * forth - down
+            share = above / fall if fall != 0.0 else 0.5
+            met[row, column] = rho[k, column] + min(max(share, 0.0), 1.0) * forth
+    return met
+
+
+@njit(cache=True, nogil=True)
+def collect(ranges, sigma, keep, image, upper, below, intensity, time, azimuth, cosine, sine, offset):
+    """The predicted points to keep, row by row: xyz (M, 3), intensity, sigma (M,) float32, row (M,) int16 and, where
+    `time` (N,) is not empty, time (M,) float32.
+
+    ranges, sigma, keep (R, W); image (K, W) int32, the measured points; upper and below (R,), rows of `image`:
+    intensity and time are the mean of the points there, or the one that there is, 0 without any.
+    """
+    rows, columns = ranges.shape
+    count = 0
+    for row in range(rows):
+        for column in range(columns):
+            count += keep[row, column]
+    timed = len(time) > 0
+    xyz, ring = np.empty((count, 3), np.float32), np.empty(count, np.int16)
+    sigmas, intensities = np.empty(count, np.float32), np.zeros(count, np.float32)
+    times = np.zeros(count if timed else 0, np.float32)
+    across, aside = np.cos(azimuth), np.sin(azimuth)
+    i = 0
+    for row in range(rows):
+        for column in range(columns):
+            if not keep[row, column]:
+                continue
+            rho = ranges[row, column] * cosine[row]
+            xyz[i, 0], xyz[i, 1] = rho * across[column], rho * aside[column]
+            xyz[i, 2] = ranges[row, column] * sine[row] + offset[row]
+            sigmas[i], ring[i] = sigma[row, column], row
+            found = 0
+            for k in (upper[row], below[row]):
+                point = image[k, column] if k >= 0 else -1
+                if point >= 0:
+                    intensities[i] += intensity[point]
+                    if timed:
+                        times[i] += time[point]
+                    found += 1
+            if found > 1:
+                intensities[i] /= found
+                if timed:
+                    times[i] /= found
+            i += 1
+    return xyz, intensities, sigmas, ring, times

@@ -16,6 +16,7 @@ from slam.data.errors import InputError
 from slam.data.sensor import Sensor
 
 COLUMNS = 2000  # 0.18 deg each: the HDL-64E fires every 0.17 deg at 10 Hz
+FEWEST_COLUMNS = 360
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +59,24 @@ class RayGrid:
 class Prediction:
     """Ranges on the rays of a grid.
 
-    ranges  (R, W) float32, metres; 0 where nothing is predicted
-    sigma   (R, W) float32, metres: half the width of the central 68 % interval of the error; infinite where unknown
+    ranges   (R, W) float32, metres; 0 where nothing is predicted
+    sigma    (R, W) float32, metres: half the width of the central 68 % interval of the error; infinite where unknown
+    trusted  (R, W) bool: those worth registering
     """
 
     ranges: Array
     sigma: Array
+    trusted: Array
+
+
+def columns_for(cloud: PointCloud) -> int:
+    """How many columns a scan fills, COLUMNS at most: a turn by the usual step of azimuth along its fullest ring."""
+    if cloud.ring is None or len(cloud) == 0:
+        return COLUMNS
+    fullest = cloud.xyz[cloud.ring == np.bincount(cloud.ring).argmax()]
+    steps = np.diff(np.sort(np.arctan2(fullest[:, 1], fullest[:, 0])))
+    steps = steps[steps > 0]
+    return COLUMNS if len(steps) == 0 else int(np.clip(round(2 * np.pi / np.median(steps)), FEWEST_COLUMNS, COLUMNS))
 
 
 def range_image(cloud: PointCloud, grid: RayGrid) -> Array:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from enrichment.rays import Prediction, RayGrid
+from enrichment import kernels
+from enrichment.rays import COLUMNS, Prediction, RayGrid, range_image
 from slam.data.cloud import Array, Calibration, PointCloud
 from slam.data.sensor import Sensor
+
+SAME = 1e-6  # m at 10 m: lines that differ by less are one
+REACH = 2  # columns: a ring's return is taken from so near by where its own column has none
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,23 +26,51 @@ class SparseScan:
     rings        (K,) the ids that its sensor has, top first: a ring without any return counts, a dropped one does not
     image        (H, W, 3) uint8 RGB of the same moment, or None
     calibration  the camera's, or None
+    columns      W of the grids that it is asked for
     """
 
     cloud: PointCloud
     lines: Sensor
     rings: Array
-    image: Array | None = None
+    image: Array | None = field(default=None, repr=False)
     calibration: Calibration | None = None
+    columns: int = COLUMNS
+
+    @cached_property
+    def points(self) -> Array:
+        """(K, W) int32: the point of each ring and azimuth column, of the column itself or of one up to REACH
+        away; -1 for none. Raises InputError where the points have no rings."""
+        return np.asarray(kernels.filled(range_image(self.cloud, RayGrid(self.lines, self.columns))[self.rings], REACH))
 
     def without(self, rings: Array) -> SparseScan:
         """The same scan as a sensor without these rings (M,) would have seen it."""
         assert self.cloud.ring is not None
         cloud = self.cloud.select(~np.isin(self.cloud.ring, rings))
-        kept = self.rings[~np.isin(self.rings, rings)]
-        return SparseScan(cloud, self.lines, kept, self.image, self.calibration)
+        return replace(self, cloud=cloud, rings=self.rings[~np.isin(self.rings, rings)])
+
+    def rows_above(self, sensor: Sensor) -> Array:
+        """(R,) int64: which row of `points` is the next one above each of the sensor's lines, one with a row below it.
+
+        -1 for a line above the first ring, below the last one, or that is a ring's own.
+        """
+        above, below = self.rows_around(sensor)
+        return np.where(below == above + 1, above, -1)
+
+    def rows_around(self, sensor: Sensor) -> tuple[Array, Array]:
+        """(R,) int64 each: the rows of `points` next above and next below each of the sensor's lines, a ring on the
+        line included; -1 where there is none."""
+        lines, own = heights(sensor), heights(self.lines)[self.rings]
+        above = np.searchsorted(-own, -lines + SAME, side="right") - 1
+        below = np.searchsorted(-own, -lines - SAME, side="left")
+        return above, np.where(below < len(own), below, -1)
+
+
+def heights(sensor: Sensor) -> Array:
+    """(R,) float64, metres, of each laser line at 10 m: orders lines as the scene sees them."""
+    return np.asarray(np.tan(sensor.elevation) * 10.0 + sensor.offset)
 
 
 class Method(Protocol):
-    """Predicts ranges on the rays of a grid from a sparse scan. Rays on rings that the scan has may be left out."""
+    """Predicts ranges on the rays of a grid of `scan.columns` columns; the scan's own rings may be left out."""
 
     def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction: ...

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from io import StringIO
-from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from eval.evaluation import Metrics
+from eval.text import new_table, number, paragraphs, rendered
 from eval.trajectory import STATISTICS
 
 if TYPE_CHECKING:
@@ -30,6 +29,7 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("RPE\n[deg]", "rpe_deg", ".4f"),
     ("drift\n[%]", "drift_percent", ".3f"),
     ("drift\n[deg/100 m]", "drift_deg_per_100m", ".3f"),
+    ("to 64\n[m]", "to_64_m", ".3f"),
     ("path\n[m]", "path_m", ".1f"),
     ("frames", "frames", "d"),
     ("failed", "failed", "d"),
@@ -54,23 +54,54 @@ def format_table(evaluations: Mapping[str, Metrics], protocol: Mapping[str, str]
 
 
 def format_comparison(comparison: Mapping[str, Any]) -> str:
-    """What `compare_runs` returned as a table with a row an input, its notes and its protocol, as `format_table`."""
+    """What `compare_runs` returned as a table with a row an input, the paper's Table III where there is ground truth,
+    notes and protocol, as `format_table`."""
+    tables = []
+    for header, rows in _compared(comparison):
+        tables.append(new_table(*header, left=1))
+        for row in rows:
+            tables[-1].add_row(*row)
+    return _with_notes(tables, _notes(comparison), comparison["protocol"])
+
+
+def comparison_markdown(comparison: Mapping[str, Any], title: str) -> str:
+    """The same for compare.md."""
+    lines = [f"# {title}", ""]
+    for header, rows in _compared(comparison):
+        titles = [" ".join(column.split()) for column in header]
+        lines += [_cells(titles), _cells(["---", *["---:"] * (len(titles) - 1)]), *map(_cells, rows), ""]
+    lines += [f"* {note}" for note in _notes(comparison)]
+    lines += [f"* {name}: {text}" for name, text in comparison["protocol"].items()]
+    return "\n".join(lines) + "\n"
+
+
+def _compared(comparison: Mapping[str, Any]) -> list[tuple[list[str], list[list[str]]]]:
+    """Header and rows of each table of a comparison."""
     inputs = comparison["inputs"]
-    table = _table("Input", *(title for title, _, _ in COLUMNS), left=1)
-    for name, figures in inputs.items():
+
+    def row(name: str, figures: Mapping[str, Any]) -> list[str]:
         values = ((figures[key], form) for _, key, form in COLUMNS)
-        table.add_row(name, *("-" if value is None else format(value, form) for value, form in values))
-    notes = [f"{name}: {note}" for name, figures in inputs.items() for note in figures["notes"]]
-    return _with_notes([table], notes, comparison["protocol"])
+        return [name, *("-" if value is None else format(value, form) for value, form in values)]
+
+    tables = [(["Input", *(title for title, _, _ in COLUMNS)], [row(*entry) for entry in inputs.items()])]
+    measured = {name: figures["table_iii_m"] for name, figures in inputs.items() if figures["table_iii_m"]}
+    if measured:
+        names = ("max", "mean", "min", "rmse", "std")  # in the paper's order
+        rows = [[name, *(number(figures[key], 3) for key in names)] for name, figures in measured.items()]
+        tables.append((["Table III", *(f"{name} [m]" for name in names)], rows))
+    return tables
 
 
-def number(value: float | None, decimals: int) -> str:
-    """Fixed decimals, a dash for what could not be computed."""
-    return "-" if value is None else f"{value:.{decimals}f}"
+def _notes(comparison: Mapping[str, Any]) -> list[str]:
+    return [f"{name}: {note}" for name, figures in comparison["inputs"].items() for note in figures["notes"]]
+
+
+def _cells(texts: Sequence[str]) -> str:
+    return f"| {' | '.join(texts)} |"
 
 
 def _errors(evaluations: Mapping[str, Metrics]) -> Table:
-    table = _table("Error", "of", "frames", "unit", *STATISTICS[:-1], "sse [unit²]", left=2)
+    table = new_table("Error", "of", "frames", "unit", *STATISTICS[:-1], "sse [unit²]", left=2)
     for title, keys, unit, decimals in ROWS:
         for row, (name, metrics) in enumerate(evaluations.items()):
             values: Any = metrics
@@ -84,7 +115,7 @@ def _errors(evaluations: Mapping[str, Metrics]) -> Table:
 
 def _drift(evaluations: Mapping[str, Metrics]) -> Table:
     units = "translation [%]", "rotation [deg/100 m]", "path [m]", "reference's path [m]"
-    table = _table("Drift, KITTI metric, no alignment", "of", "segments", *units, left=2)
+    table = new_table("Drift, KITTI metric, no alignment", "of", "segments", *units, left=2)
     for name, metrics in evaluations.items():
         drift = metrics["drift"]
         path = number(metrics["path_length_m"], 1), number(metrics["reference_path_length_m"], 1)
@@ -99,32 +130,10 @@ def _rates(drift: Mapping[str, Any]) -> tuple[str, str]:
     return number(drift["translation_percent"], 3), number(drift["rotation_deg_per_100m"], 3)
 
 
-def _table(*columns: str, left: int) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for index, column in enumerate(columns):
-        table.add_column(column, justify="left" if index < left else "right", no_wrap=True)
-    return table
-
-
 def _with_notes(tables: Sequence[Table], notes: Sequence[str], protocol: Mapping[str, str]) -> str:
-    parts = [_render(table) for table in tables]
+    parts = [rendered(table) for table in tables]
     if notes:
-        parts.append("Notes\n" + _paragraphs(notes))
+        parts.append("Notes\n" + paragraphs(notes))
     if protocol:
-        parts.append("Protocol\n" + _paragraphs([f"{name}: {text}" for name, text in protocol.items()]))
+        parts.append("Protocol\n" + paragraphs([f"{name}: {text}" for name, text in protocol.items()]))
     return "\n".join(parts)
-
-
-def _paragraphs(texts: Sequence[str]) -> str:
-    return "".join(fill(text, 118, initial_indent="  ", subsequent_indent="    ") + "\n" for text in texts)
-
-
-def _render(table: Table) -> str:
-    from rich.console import Console
-
-    text = StringIO()
-    Console(file=text, width=10_000, no_color=True, markup=False, emoji=False, highlight=False).print(table)
-    return "".join(line.rstrip() + "\n" for line in text.getvalue().splitlines() if line.strip())

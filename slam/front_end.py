@@ -1,4 +1,4 @@
-"""What of a recorded scan is registered: all of its rings, or sixteen of them."""
+"""What of a recorded scan is measured input: all of its rings, or sixteen of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.errors import InputError
-from slam.data.ring_patterns import drop_rings
+from slam.data.ring_patterns import drop_rings, kept_lines
 from slam.data.sensor import Sensor
 from slam.settings import FrontEndSettings
 
@@ -26,15 +26,24 @@ class FrontEnd(Protocol):
 class RingFrontEnd:
     """The scan as recorded (input 64), or with the rings dropped that a 16-channel sensor would not have (input 16).
 
-    The scan of a sensor that has 16 rings or fewer is taken as it is. Raises InputError where a sensor has more, but
-    not 64: the patterns are made for 64.
+    The scan of a sensor that has 16 rings or fewer is taken as it is; so is, where it is to be enriched, that of any
+    sensor but one of 64. Raises InputError where else a sensor has not 64 rings: the patterns are made for these.
     """
 
     def __init__(self, settings: FrontEndSettings, sensor: Sensor | None = None) -> None:
         self.settings, self.sensor = settings, sensor
-        self.as_recorded = settings.input == "64" or (sensor is not None and sensor.ring_count <= 16)
-        if not self.as_recorded and sensor is not None and sensor.ring_count != 64:
+        rings = 64 if sensor is None else sensor.ring_count
+        sparse = rings <= 16 or (settings.input == "enriched" and rings != 64)
+        self.as_recorded = settings.input == "64" or sparse
+        if not self.as_recorded and sensor is not None and rings != 64:
             raise InputError(f"rings are dropped from 64, and {sensor.name} has {sensor.ring_count}; use --input 64")
+
+    def lines(self) -> tuple[Sensor, Array]:
+        """The line of every ring id that it gives, and the ids that there are (K,), top first. The sensor is known."""
+        assert self.sensor is not None
+        if self.as_recorded:
+            return self.sensor, np.arange(self.sensor.ring_count)
+        return kept_lines(self.sensor, self.settings.drop, self.settings.phase)
 
     def __call__(self, frame: Frame, history: History) -> PointCloud:
         del history  # nothing is filled in here

@@ -85,7 +85,7 @@ class Mapper:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._thread.shutdown(wait=True, cancel_futures=True)
+        self._thread.shutdown(wait=kind is None, cancel_futures=True)  # what is stopped should not wait for a solver
 
     def add(self, position: int, frame: Frame, recorded: PointCloud, step: OdometryStep) -> None:
         """The scan of the frame at `position` of the run, as recorded and as registered. Returns at once, unless the

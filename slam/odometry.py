@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from slam.data import se3
-from slam.data.cloud import MEASURED_SIGMA, Array, PointCloud
+from slam.data.cloud import Array, PointCloud
 from slam.data.distortion import correct_vertical, deskew
 from slam.registration.icp import IcpTarget
 from slam.registration.ndt import NdtTarget
@@ -42,7 +42,7 @@ class OdometryStep:
     """What the odometry says of one scan.
 
     pose          (4, 4) T_world_lidar; the world is the first scan's frame
-    covariance    (6, 6) of pose @ exp(xi), xi = (rotation, translation): how well the scan fits where it was put
+    covariance    (6, 6) of pose @ exp(xi), xi = (rotation, translation), given the scan before: of the motion
     status        'registered'; 'retried': only after a search around the prediction; 'failed': the prediction was kept
     registration  of the scan against the map, or None (first scan, too few points)
     cloud         the scan as registered: deskewed, vertically corrected, in the sensor's frame
@@ -63,6 +63,7 @@ class Odometry:
     ) -> None:
         self.settings = settings
         self.sweep_duration, self.vertical_correction = sweep_duration, vertical_correction  # s, rad
+        self._unseen = np.diag([np.deg2rad(settings.unseen_tilt_deg) ** 2] * 2 + [0.0] * 4)
         self.target = _target(settings)
         self._thin = VoxelFilter(settings.map_voxel_size, settings.min_range, settings.max_range)
         self._thin_more = VoxelFilter(settings.voxel_size)
@@ -77,7 +78,7 @@ class Odometry:
         prediction = self.predict(stamp)
         scan = deskew(cloud, se3.exp(self._velocity * self.sweep_duration))
         scan = correct_vertical(scan, self.vertical_correction)
-        map_points = self._thin(scan.xyz, _weights(scan))[:2]
+        map_points = self._thin(scan.xyz, self._weights(scan))[:2]
         points = self._thin_more(*map_points)[:2]
 
         if len(points[0]) < MIN_POINTS:
@@ -96,6 +97,11 @@ class Odometry:
         """Pose (4, 4) at `stamp` if the velocity has stayed as it was at the last registered scan."""
         return self._pose @ se3.exp(self._velocity * self._elapsed(stamp))
 
+    def _weights(self, scan: PointCloud) -> Array:
+        """(N,) float32: 1 for a point that is sure enough, less for one whose range is less certain."""
+        full = np.float32(self.settings.full_weight_sigma)
+        return np.asarray((full / np.maximum(scan.sigma, full)) ** 2)
+
     def _elapsed(self, stamp: float) -> float:
         """Seconds since the last registered scan; one sweep where the stamps make no sense."""
         return stamp - self._stamp if stamp > self._stamp else self.sweep_duration
@@ -110,7 +116,7 @@ class Odometry:
             status, found = "retried", self._search(points, prediction, found)
         if not self._sound(found):
             return self._kept(prediction, scan, found)
-        return OdometryStep(found.pose, found.covariance, status, found, scan)
+        return OdometryStep(found.pose, found.covariance + self._unseen, status, found, scan)
 
     def _search(self, points: Points, centre: Array, *found: RegistrationResult) -> RegistrationResult:
         """The best of registrations started all around `centre`, and of those `found` already.
@@ -188,11 +194,6 @@ class Odometry:
 
 
 Points = tuple[Array, Array]  # xyz (N, 3) and weights (N,), float32
-
-
-def _weights(scan: PointCloud) -> Array:
-    """1 for a measured point, less for one whose range is less certain."""
-    return np.maximum(np.float32(MEASURED_SIGMA) / np.maximum(scan.sigma, np.float32(MEASURED_SIGMA)), 1e-3) ** 2
 
 
 def _target(settings: OdometrySettings) -> Target:

@@ -107,14 +107,18 @@ class Pipeline:
         recorded: RecordedOdometry | None = None,
         strict: bool = False,
         on_frame: Callable[[FrameRecord], None] | None = None,
+        on_odometry: Callable[[Run], None] | None = None,
     ) -> Run:
         """Odometry, loops and map over the frames (positions in the data set, as in a list's slice); poses that are
-        `recorded` take the odometry's place.
+        `recorded` take the odometry's place. `on_odometry` is called when all frames are registered: judging the loops
+        and building the map, which follow, may take minutes.
 
         Runs repeat bit for bit. Raises InputError where no frames are left, where a step asks for what the data do
         not have, and, with `strict`, at the first problem.
         """
         run = self._start(dataset, frames)
+        if self.front_end is None and self.config.front_end.input == "enriched":
+            raise ValueError("input 'enriched' needs the front end that enriches")
         front_end = self.front_end or RingFrontEnd(self.config.front_end, dataset.sensor)
         about: Any = {"sweep_duration": sweep_duration(dataset), "vertical_correction": run.vertical_correction}
         odometry = recorded.steps(run.positions, **about) if recorded else Odometry(self.config.odometry, **about)
@@ -143,6 +147,8 @@ class Pipeline:
                 run.records.append(record)
                 if on_frame:
                     on_frame(record)
+            if on_odometry:
+                on_odometry(run)
             run.mapping, run.milliseconds = mapper.finish(), mapper.milliseconds
         return run
 

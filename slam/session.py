@@ -1,4 +1,8 @@
-"""The run folder: what a run leaves on disk, each file whole or not there."""
+"""The run folder: what a run leaves on disk, each file whole or not there, and all of one run.
+
+An earlier run's results go as soon as there are new ones, run.json first; the new one comes last. So a folder with a
+run.json is finished; one without holds what was known when the run was stopped.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +26,39 @@ from slam.graph.ledger import csv_text
 from slam.mapping.picture import map_png
 from slam.pipeline import STAGES, Run
 
+RESULTS = (  # what waits for loops and map
+    "run.json",
+    "metrics.json",
+    "trajectory.png",
+    "trajectory_kitti.txt",
+    "trajectory_tum.txt",
+    "loops.csv",
+    "graph.g2o",
+    "map.pcd",
+    "map.png",
+)
 PACKAGES = ("lidarlift", "numpy", "numba", "scipy", "gtsam", "open3d", "evo")
 
 
-def save_run(run: Run, folder: str | Path) -> Path:
-    """Write trajectories, map, timings and, last, run.json. Raises InputError where the folder cannot be written."""
+def save_odometry(run: Run, folder: str | Path) -> None:
+    """Write what is known before loops are judged: odometry, truth and timings; an earlier run's results go.
+
+    Raises InputError where the folder cannot be written.
+    """
     folder = Path(folder)
-    for name, poses in (("trajectory", run.poses), ("odometry", run.odometry_poses)):
-        write_text(folder / f"{name}_kitti.txt", kitti_text(poses))
-        write_text(folder / f"{name}_tum.txt", tum_text(run.stamps, poses))
+    if folder.is_dir():
+        for name in RESULTS:
+            (folder / name).unlink(missing_ok=True)
+    _write_poses(run, folder, "odometry", run.odometry_poses)
     _write_ground_truth(run, folder)
     write_text(folder / "timings.csv", _timings_csv(run))
+
+
+def save_run(run: Run, folder: str | Path) -> Path:
+    """Write what `save_odometry` writes, trajectory, loops, map and, last, run.json. Raises InputError likewise."""
+    folder = Path(folder)
+    save_odometry(run, folder)
+    _write_poses(run, folder, "trajectory", run.poses)
     _write_mapping(run, folder)
     write_text(folder / "run.json", json.dumps(_report(run), indent=2) + "\n")
     return folder
@@ -47,10 +73,13 @@ def read_report(folder: Path) -> dict[str, Any]:
         raise InputError(f"{path}: no run to read here ({error}); name a folder that `lidarlift run` wrote") from error
 
 
+def _write_poses(run: Run, folder: Path, name: str, poses: Array) -> None:
+    write_text(folder / f"{name}_kitti.txt", kitti_text(poses))
+    write_text(folder / f"{name}_tum.txt", tum_text(run.stamps, poses))
+
+
 def _write_mapping(run: Run, folder: Path) -> None:
-    """The map, its picture, the loops and the graph; without keyframes there are none, nor those of an earlier run."""
-    for name in ("map.pcd", "map.png", "loops.csv", "graph.g2o"):
-        (folder / name).unlink(missing_ok=True)
+    """The map, its picture, the loops and the graph; without keyframes there are none."""
     mapping = run.mapping
     if mapping is None or len(mapping.keyframes) == 0:
         return
@@ -69,7 +98,6 @@ def _write_ground_truth(run: Run, folder: Path) -> None:
         write_text(path, tum_text(run.stamps[known], truth[known]))
     else:
         path.unlink(missing_ok=True)  # an earlier run's, of another drive
-        (folder / "metrics.json").unlink(missing_ok=True)
 
 
 def _timings_csv(run: Run) -> str:

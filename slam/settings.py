@@ -14,9 +14,11 @@ class Settings(BaseModel):
 class FrontEndSettings(Settings):
     """From the recorded scan to the cloud that is registered."""
 
-    input: Literal["64", "16"] = "64"  # 64: the scan as recorded; 16: rings dropped
+    input: Literal["64", "16", "enriched"] = "64"  # 64: the scan as recorded; 16: rings dropped; enriched: 16 filled in
     drop: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"  # which 16 of 64 rings; the literature's default
     phase: int = Field(0, ge=0, le=3)  # of every-4th: the first ring that stays
+    enricher: Literal["ray-segment", "joint"] = "ray-segment"  # joint: the image helps, at a tenth of a second a frame
+    coverage: float = Field(1.0, gt=0, le=1)  # share of the predicted points that is kept: the surest
     deskew: bool | None = None  # None: where the scans have times and are not motion-compensated already
     vertical_correction_deg: float | None = None  # None: the sensor's own (KITTI: 0.205)
 
@@ -40,11 +42,13 @@ class OdometrySettings(Settings):
     min_points: int = Field(5, ge=3)  # a cell with fewer has no Gaussian
     max_points: int = Field(1000, ge=3)  # a cell with so many is left as it is: bounds time, and a standing car's
     floor: float = Field(0.003, gt=0)  # of a cell's covariance, share of its trace: flat cells must not be too sure
+    full_weight_sigma: float = Field(0.3, gt=0)  # m; less certain points weigh less, by the square of the ratio
     kernel: float = Field(1.0, gt=0)  # Cauchy's, on the Mahalanobis distance; hardly matters between 0.5 and 3
     max_iterations: int = Field(12, ge=1)  # at the finest level; 3 are usual
     map_radius: float = Field(100.0, gt=0)  # m around the sensor: the map forgets the rest
     min_inlier_ratio: float = Field(0.25, ge=0, le=1)  # below it a registration has failed
     max_position_sigma: float = Field(0.5, gt=0)  # m, standard deviation along the worst direction: degenerate above it
+    unseen_tilt_deg: float = Field(0.0, ge=0)  # a scan, 1 sigma: roll and pitch that its rings hardly show
     search_radius: float = Field(5.0, ge=0)  # m around the prediction, at start-up, after a gap and in a retry
     min_gate: float = Field(0.5, gt=0)  # m between prediction and registration that is never a jump
 

@@ -5,17 +5,25 @@ So that `--help` is there at once, the modules of the commands import what compu
 
 from __future__ import annotations
 
+import os
 import sys
 
 import typer
 
+from slam.cli.compare import compare
 from slam.cli.console import messages
 from slam.cli.demo import demo
+from slam.cli.depth_benchmark import depth_benchmark
+from slam.cli.enrich import enrich
 from slam.cli.evaluate import evaluate
 from slam.cli.export import export
+from slam.cli.fit_lasers import fit_lasers
 from slam.cli.run import run
 from slam.cli.simulate import simulate
+from slam.cli.study import study
 from slam.data.errors import InputError
+
+INTERRUPTED = 130  # what shells expect after Ctrl-C, and typer exits with
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -29,14 +37,21 @@ app = typer.Typer(
     No data at hand: `lidarlift demo`
     """,
 )
-for command in (run, evaluate, export, simulate, demo):
+for command in (run, compare, enrich, evaluate, export, fit_lasers, simulate, demo, depth_benchmark):
     app.command()(command)
+app.add_typer(study, name="study")
 
 
 def main() -> None:
-    """Entry point: 0 done, 1 a clear error on stderr, 2 usage."""
+    """Entry point: 0 done, 1 a clear error on stderr, 2 usage, 130 stopped by Ctrl-C."""
     try:
         app()
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            messages.print("Stopped. The files that are there are whole.")
+            sys.stdout.flush()
+            os._exit(INTERRUPTED)  # sys.exit would wait for threads, one of which may be inside a solver
+        raise
     except InputError as error:
         messages.print(f"Error: {error}", style="red", markup=False)
         sys.exit(1)

@@ -1,4 +1,4 @@
-"""`lidarlift demo`: what 16 channels cost against 64, on a simulated drive; no data needed."""
+"""`lidarlift demo`: 16 channels, enriched and 64 compared on a simulated drive; no data needed."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from typing import Annotated
 import typer
 
 from slam.cli.arguments import require_writable
+from slam.cli.compare import INPUTS, compare_into
 from slam.cli.console import messages, progress
-from slam.cli.run_folder import run_into
 from slam.config import load_config
 from slam.data.errors import InputError
 
-INPUTS = ("16", "64")
 QUICK = 100  # frames
 
 
@@ -23,32 +22,22 @@ def demo(
     out: Annotated[Path, typer.Option(help="The folder for the runs and their comparison.")] = Path("runs/demo"),
     quick: Annotated[bool, typer.Option("--quick", help=f"Only the first {QUICK} frames: under a minute.")] = False,
 ) -> None:
-    """See what it does, without any data: simulate a drive, run it at 16 and at 64 channels, and compare.
+    """See what it does, without any data: simulate a drive, run it at 16 channels, enriched and at 64, and compare.
 
     Example: `lidarlift demo --quick`
     """
-    from eval.compare import compare_runs
-    from eval.evaluation import write_json
-    from eval.tables import format_comparison
     from slam.data.dataset import open_dataset
 
-    folders = {channels: out / channels for channels in INPUTS}
-    for folder in folders.values():
-        require_writable(folder)
+    for channels in INPUTS:
+        require_writable(out / channels)
     town, count = _simulated(QUICK if quick else None)
+    messages.print(
+        "LiDAR SLAM on these scans: with 16 of the 64 rings, as a cheap LiDAR has them; with the others filled in; "
+        "and with all as they were measured."
+    )
     data = open_dataset(town)
-    messages.print("LiDAR SLAM on these scans: with 16 of the 64 rings, as a cheap LiDAR has them, and with all.")
-    for channels, folder in folders.items():
-        run_into(folder, data, load_config(input=channels), slice(count), name="Simulated loop")
-
-    comparison = compare_runs(folders)
-    write_json(out / "compare.json", comparison)
-    print(f"\nA simulated drive around the block, {count} frames, against its true poses\n")
-    print(format_comparison(comparison))
-    for folder in folders.values():
-        print(f"{folder}: map.pcd, map.png, trajectory_tum.txt (and _kitti), trajectory.png, loops.csv, metrics.json")
-    print(f"{out / 'compare.json'}: the table above")
-    print("Your own drive: lidarlift run path/to/drive")
+    compare_into(out, data, INPUTS, lambda channels: load_config(input=channels), slice(count), name="Simulated loop")
+    print("Your own drive: lidarlift compare path/to/drive, or lidarlift run path/to/drive")
 
 
 def _simulated(frames: int | None) -> tuple[Path, int]:

@@ -17,13 +17,15 @@ from slam.data.errors import InputError
 class Input(StrEnum):
     SIXTY_FOUR = "64"
     SIXTEEN = "16"
+    ENRICHED = "enriched"
 
 
 def run(
     dataset: Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")],
     sequence: Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")] = None,
     input: Annotated[
-        Input | None, typer.Option(help="64: the scan as recorded; 16: rings dropped. Default: what the sensor has.")
+        Input | None,
+        typer.Option(help="64: the scan as recorded; 16: rings dropped; enriched: 16, the rest filled in."),
     ] = None,
     config: Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")] = None,
@@ -73,7 +75,7 @@ def _summary(report: dict[str, Any]) -> str:
     known = {name: unit for name, unit in of.items() if name in times}
     beside = [f"{name.replace('_', ' ')} {times[name]['median']:.1f} ms a {unit}" for name, unit in known.items()]
     return (
-        f"{protocol['dataset']}, {protocol['input']} channels, deskew {'on' if protocol['deskew'] else 'off'}, "
+        f"{protocol['dataset']}, input {protocol['input']}, deskew {'on' if protocol['deskew'] else 'off'}, "
         f"vertical correction {protocol['vertical_correction_deg']:.3f} deg, "
         f"registration {odometry['registration']} against the {odometry['target']}\n"
         f"{counts['frames']} frames, {report['path_length_m']:.2f} m; {counts['retried']} registered after a search, "

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from slam.cli.arguments import require_writable
 from slam.cli.console import messages, progress
+from slam.cli.front_ends import front_end_for
 
 if TYPE_CHECKING:
     from slam.data.dataset import Dataset
@@ -35,19 +36,33 @@ def run_into(
     from eval.plot import plot_run
     from slam.pipeline import Pipeline, compile_kernels
     from slam.recorded_odometry import RecordedOdometry
-    from slam.session import save_run
+    from slam.session import save_odometry, save_run
 
     require_writable(folder)
+    front_end = front_end_for(settings.front_end, data)
     recorded = RecordedOdometry(odometry, len(data)) if odometry else None
-    title = f"{name or data.name}, {settings.front_end.input} channels"
+    title = f"{name or data.name}, {input_name(settings)}"
     compile_kernels(settings, lambda: messages.print("Compiling kernels, once: about 20 seconds ..."))
     with progress(title, len(range(len(data))[frames])) as advance:
-        result = Pipeline(settings).run(data, frames, recorded=recorded, strict=strict, on_frame=lambda _: advance())
+        result = Pipeline(settings, front_end).run(
+            data,
+            frames,
+            recorded=recorded,
+            strict=strict,
+            on_frame=lambda _: advance(),
+            on_odometry=lambda run: save_odometry(run, folder),  # an hour's work is not lost where the rest is stopped
+        )
     save_run(result, folder)
     _report(result.problems)
     metrics = evaluate_run(folder)
     plot_run(folder, title)
     return metrics
+
+
+def input_name(settings: Config) -> str:
+    """Of a configuration, for people."""
+    channels = settings.front_end.input
+    return channels if channels == "enriched" else f"{channels} channels"
 
 
 def _report(problems: Sequence[Problem]) -> None:

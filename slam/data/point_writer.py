@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from slam.data.atomic import written_beside
-from slam.data.cloud import PointCloud
+from slam.data.cloud import Array, PointCloud
 from slam.data.errors import InputError
 
 
-def write_points(path: Path, cloud: PointCloud) -> None:
-    """Write x y z intensity, and the colour where there is one, as binary .pcd or .ply.
+def write_points(path: Path, cloud: PointCloud, fields: Mapping[str, Array] | None = None) -> None:
+    """Write x y z intensity, the colour where there is one, and other `fields`, (N,) each, as binary .pcd or .ply.
 
     Raises InputError on another suffix, on an empty cloud (neither format has one) and where writing fails.
     """
@@ -26,6 +27,9 @@ def write_points(path: Path, cloud: PointCloud) -> None:
     points.point["intensity"] = o3d.core.Tensor.from_numpy(np.ascontiguousarray(cloud.intensity[:, None]))
     if cloud.colour is not None:
         points.point["colors"] = o3d.core.Tensor.from_numpy(cloud.colour)
+    for name, values in (fields or {}).items():
+        column = np.ascontiguousarray(values[:, None], np.uint8 if values.dtype == bool else values.dtype)
+        points.point[name] = o3d.core.Tensor.from_numpy(column)
     with written_beside(path) as temporary:
         if not o3d.t.io.write_point_cloud(temporary, points, write_ascii=False, compressed=False):
             raise OSError("Open3D could not write the points; is the disk full?")

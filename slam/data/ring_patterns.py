@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from slam.data.cloud import Array, PointCloud
@@ -13,6 +15,7 @@ from slam.data.yaml_files import nearest
 VLP16_RINGS = (5, 11, 17, 23, 29, 34, 38, 42, 46)
 #: Azimuth columns of the HDL-64E: 0.18 degrees each.
 COLUMNS = 2000
+POOL = 4  # rings averaged into one
 PATTERNS = ("every-4th", "vlp16", "average-pool")
 
 
@@ -43,6 +46,21 @@ def drop_rings(
     return average_pool(cloud, sensor or load_sensor("hdl64"))
 
 
+def kept_lines(sensor: Sensor, pattern: str = "every-4th", phase: int = 0) -> tuple[Sensor, Array]:
+    """What `drop_rings` leaves of a sensor: the line of every ring id, and the ids that there are (K,), top first."""
+    if pattern == "average-pool":
+        return pooled(sensor), np.arange(-(-sensor.ring_count // POOL))
+    return sensor, np.array(VLP16_RINGS) if pattern == "vlp16" else np.arange(phase, sensor.ring_count, 4)
+
+
+def pooled(sensor: Sensor) -> Sensor:
+    """The mean lines of each POOL neighbouring lasers."""
+    starts = np.arange(0, sensor.ring_count, POOL)
+    count = np.diff(np.append(starts, sensor.ring_count))
+    elevation, offset = (np.add.reduceat(values, starts) / count for values in (sensor.elevation, sensor.offset))
+    return replace(sensor, name=f"{sensor.name}, pooled", elevation=elevation, offset=offset)
+
+
 def average_pool(cloud: PointCloud, sensor: Sensor) -> PointCloud:
     """Four neighbouring rings and one azimuth column made one point: the input of Yue et al., which no sensor gives.
 
@@ -58,8 +76,8 @@ def average_pool(cloud: PointCloud, sensor: Sensor) -> PointCloud:
     xyz = cloud.xyz.astype(np.float64)
     azimuth = np.arctan2(xyz[:, 1], xyz[:, 0])
     column = ((azimuth / (2 * np.pi) + 0.5) * COLUMNS).astype(np.int64) % COLUMNS
-    cell = (cloud.ring // 4).astype(np.int64) * COLUMNS + column
-    groups = -(-sensor.ring_count // 4)
+    cell = (cloud.ring // POOL).astype(np.int64) * COLUMNS + column
+    groups = -(-sensor.ring_count // POOL)
     count = np.bincount(cell, minlength=groups * COLUMNS)
     kept = np.flatnonzero(count)
 
@@ -68,10 +86,8 @@ def average_pool(cloud: PointCloud, sensor: Sensor) -> PointCloud:
 
     reach = mean(np.sqrt(xyz[:, 0] ** 2 + xyz[:, 1] ** 2 + (xyz[:, 2] - sensor.offset[cloud.ring]) ** 2))
     group = kept // COLUMNS
-    starts = np.arange(0, sensor.ring_count, 4)
-    rings_in = np.diff(np.append(starts, sensor.ring_count))
-    elevation = (np.add.reduceat(sensor.elevation, starts) / rings_in)[group]
-    offset = (np.add.reduceat(sensor.offset, starts) / rings_in)[group]
+    lines = pooled(sensor)
+    elevation, offset = lines.elevation[group], lines.offset[group]
     azimuth = ((kept % COLUMNS + 0.5) / COLUMNS - 0.5) * 2 * np.pi
     rho = reach * np.cos(elevation)
     return PointCloud(

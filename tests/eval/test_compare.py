@@ -7,8 +7,9 @@ import pytest
 
 from eval.compare import compare_runs
 from eval.evaluation import evaluate, write_json
-from eval.tables import COLUMNS, format_comparison
+from eval.tables import COLUMNS, comparison_markdown, format_comparison
 from slam.data.errors import InputError
+from slam.data.pose_files import tum_text
 
 
 def line(length, count=101):
@@ -34,6 +35,7 @@ def run_folder(tmp_path):
         }
         (folder / "run.json").write_text(json.dumps(report))
         (folder / "timings.csv").write_text("frame,points\n0,9000\n1,30000\n2,10000\n")
+        (folder / "odometry_tum.txt").write_text(tum_text(np.arange(101.0), line(length)))
         if reference:
             metrics = {"slam": evaluate(line(length), line(reference)), "odometry": None, "protocol": {}}
             write_json(folder / "metrics.json", metrics)
@@ -53,6 +55,9 @@ def test_the_figures_of_each_input(run_folder):
     assert (sixteen["frames"], sixteen["failed"], sixteen["loops"], sixteen["path_m"]) == (101, 2, 7, 101.0)
     assert (sixteen["map_points"], sixteen["points_per_scan"]) == (1_234_567, 10_000)
     assert (sixteen["front_end_ms"], sixteen["odometry_ms"]) == (1.25, 12.5)
+    assert sixteen["to_64_m"] == pytest.approx(sixteen["ate_m"], abs=1e-6)
+    assert sixteen["table_iii_m"]["mean"] == pytest.approx(0.01)
+    assert sixty_four["to_64_m"] is None
     assert (sixty_four["ate_m"], sixty_four["failed"]) == (pytest.approx(0, abs=1e-9), 0)
     assert list(sixteen) == list(sixty_four)
 
@@ -75,7 +80,7 @@ def test_no_ground_truth(run_folder):
     comparison = compare_runs({"64": run_folder("a", 100.0, reference=None)})
     assert comparison["inputs"]["64"]["ate_m"] is None
     row = format_comparison(comparison).splitlines()[3]
-    assert row.split() == ["64", *5 * ["-"], "100.0", "101", "0", "7", "1,234,567", "10,000", "1.2", "12.5"]
+    assert row.split() == ["64", *6 * ["-"], "100.0", "101", "0", "7", "1,234,567", "10,000", "1.2", "12.5"]
     assert "64: no ground truth" in format_comparison(comparison)
 
 
@@ -85,6 +90,15 @@ def test_a_drive_too_short_for_drift(run_folder):
     assert figures["drift_percent"] is None
     assert figures["ate_m"] is not None
     assert "64: no drift, the reference's path of 5.0 m" in format_comparison(comparison)
+
+
+def test_the_same_tables_in_markdown(run_folder):
+    comparison = compare_runs({"16": run_folder("a", 101.0), "64": run_folder("b", 100.0)})
+    lines = comparison_markdown(comparison, "A drive").splitlines()
+    assert lines[0] == "# A drive"
+    header, sixteen = lines[2], next(line for line in lines if line.startswith("| 16 |"))
+    assert header.count("|") == sixteen.count("|") == len(COLUMNS) + 2
+    assert "| 16 | 0.010 | 0.010 | 0.010 | 0.010 | 0.000 |" in lines  # Table III: max, mean, min, rmse, std
 
 
 @pytest.mark.parametrize("file", ["run.json", "metrics.json", "timings.csv"])

@@ -17,7 +17,7 @@ from slam.data.errors import InputError
 from slam.data.point_files import read_points
 from slam.data.pose_files import read_poses
 from slam.pipeline import STAGES, Pipeline, Run
-from slam.session import read_report, save_run
+from slam.session import read_report, save_odometry, save_run
 
 Drive = Callable[..., Path]
 
@@ -116,6 +116,21 @@ def test_run_json_is_strict_json_even_where_all_failed(street_drive: Drive, tmp_
     report = json.loads((folder / "run.json").read_text(), parse_constant=refuse)
     assert report["map_points"] == 0
     assert report["counts"]["failed"] == 8
+
+
+def test_the_odometry_is_saved_without_what_comes_after_it(street_drive: Drive, tmp_path: Path) -> None:
+    """The folder is of one run at any time: the earlier one's map and report go when new poses come."""
+    result, folder = run(street_drive(), slice(3)), tmp_path / "run"
+    save_run(result, folder)
+    (folder / "metrics.json").write_text("{}")
+    save_odometry(result, folder)
+    assert sorted(file.name for file in folder.iterdir()) == [
+        "ground_truth_tum.txt",
+        "odometry_kitti.txt",
+        "odometry_tum.txt",
+        "timings.csv",
+    ]
+    assert read_poses(folder / "odometry_tum.txt")[1] == pytest.approx(result.odometry_poses, abs=1e-8)
 
 
 def test_an_earlier_runs_map_does_not_stay(street_drive: Drive, tmp_path: Path) -> None:

@@ -24,9 +24,12 @@ def test_usage_errors_exit_with_2(lidarlift: Command, arguments: tuple[str, ...]
     assert "Usage" in result.err
 
 
-@pytest.mark.parametrize("command", [(), ("run",), ("evaluate",), ("export",), ("simulate",), ("demo",)])
-def test_help_has_an_example(lidarlift: Command, command: tuple[str, ...]) -> None:
-    result = lidarlift(*command, "--help")
+COMMANDS = ("run", "compare", "enrich", "evaluate", "export", "fit-lasers", "simulate", "demo", "depth-benchmark")
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS, "study sparsity", "study edges"])
+def test_help_has_an_example(lidarlift: Command, command: str) -> None:
+    result = lidarlift(*command.split(), "--help")
     assert result.code == 0
     assert "lidarlift" in result.out
     assert "Example" in result.out

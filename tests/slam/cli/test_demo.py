@@ -27,9 +27,9 @@ def test_the_whole_demo(lidarlift: Command, simulated: list[Settings]) -> None:
     result = lidarlift("demo", "--out", "d")
     assert result.code == 0, result.err
     assert simulated == [Settings(drive="loop")]
-    assert sorted(path.name for path in Path("d").iterdir()) == ["16", "64", "compare.json"]
+    assert sorted(path.name for path in Path("d").iterdir()) == ["16", "64", "compare.json", "compare.md", "enriched"]
     inputs = json.loads(Path("d/compare.json").read_text())["inputs"]
-    for channels in ("16", "64"):
+    for channels in ("16", "enriched", "64"):
         folder = Path("d") / channels
         protocol = read_report(folder)["protocol"]
         assert (protocol["input"], protocol["frames"]) == (channels, [0, 8, 1])
@@ -40,6 +40,10 @@ def test_the_whole_demo(lidarlift: Command, simulated: list[Settings]) -> None:
         assert re.search(rf"^{channels} +{ate:.3f} ", result.out, re.MULTILINE)
         assert f"{folder}: map.pcd" in result.out
     assert inputs["16"]["points_per_scan"] * 4 == inputs["64"]["points_per_scan"]
+    assert inputs["16"]["points_per_scan"] < inputs["enriched"]["points_per_scan"] < inputs["64"]["points_per_scan"]
+    assert inputs["64"]["to_64_m"] is None
+    assert 0 < inputs["enriched"]["to_64_m"] < 0.1
+    assert "| enriched |" in Path("d/compare.md").read_text()
     assert "d/compare.json" in result.out
     assert "simulated town" in result.err
 

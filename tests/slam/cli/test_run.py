@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,9 +15,30 @@ import numpy as np
 import pytest
 
 from slam.data.cloud import Array
+from slam.data.errors import InputError
 from slam.data.point_files import read_points
 from slam.data.pose_files import read_poses
+from slam.graph.back_end import BackEnd
 from slam.session import read_report
+
+ODOMETRY = [
+    "ground_truth_tum.txt",
+    "odometry_kitti.txt",
+    "odometry_tum.txt",
+    "timings.csv",
+]  # what is known before loops
+STUCK = """
+import sys, time
+from slam.cli import main
+from slam.graph.back_end import BackEnd
+
+def settle(self):
+    print("optimising", flush=True)
+    time.sleep(600)
+
+BackEnd.settle = settle
+main()
+"""
 
 Drive = Callable[..., Path]
 Command = Callable[..., Any]
@@ -167,6 +191,58 @@ def test_strict_stops_and_writes_nothing(lidarlift: Command, street_drive: Drive
     assert "Error: " in result.err
     assert "000003.bin" in result.err
     assert not Path("r").exists()
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(file.name for file in folder.iterdir())
+
+
+def test_a_run_that_stops_while_it_registers_leaves_the_earlier_one(lidarlift: Command, finished: Path) -> None:
+    before = {file.name: file.read_bytes() for file in Path("r").iterdir()}
+    (finished / "velodyne" / "000005.bin").write_bytes(b"")
+    assert lidarlift("run", finished, "--strict", "--out", "r").code == 1
+    assert {file.name: file.read_bytes() for file in Path("r").iterdir()} == before
+
+
+def test_a_run_that_stops_while_it_optimises_leaves_its_odometry(
+    lidarlift: Command, finished: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And nothing of the earlier run, which was of other frames; the next run into the folder finishes it."""
+    folder, whole = Path("r"), names(Path("r"))
+
+    def fails(_: BackEnd) -> None:
+        raise InputError("out of luck")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(BackEnd, "settle", fails)
+        lidarlift("run", finished, "--frames", ":5", "--out", "r")
+    assert names(folder) == ODOMETRY
+    assert len(read_poses(folder / "odometry_tum.txt")[1]) == len(read_poses(folder / "odometry_kitti.txt")[1]) == 5
+    with pytest.raises(InputError):
+        read_report(folder)
+    assert lidarlift("run", finished, "--out", "r").code == 0
+    assert names(folder) == whole
+    assert read_report(folder)["counts"]["frames"] == 8
+
+
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGKILL])
+def test_a_process_that_is_stopped_as_it_optimises(street_drive: Drive, tmp_path: Path, stop: signal.Signals) -> None:
+    arguments = ["run", str(street_drive()), "--frames", ":3", "--out", str(tmp_path / "r")]
+    command = [sys.executable, "-c", STUCK, *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "optimising\n"
+            process.send_signal(stop)
+            _, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert names(tmp_path / "r") == ODOMETRY
+    assert len(read_poses(tmp_path / "r" / "odometry_tum.txt")[1]) == 3
+    if stop is signal.SIGINT:
+        assert process.returncode == 130
+        assert err.splitlines()[-1].startswith("Stopped")
+        assert "Traceback" not in err
 
 
 def test_messages_are_printed_as_they_are(lidarlift: Command) -> None:

@@ -1,0 +1,100 @@
+"""The front end that fills in what a sparse LiDAR did not measure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from enrichment import kernels
+from enrichment.calibration import SigmaCalibration
+from enrichment.rays import Prediction, RayGrid, columns_for
+from enrichment.sparse_scan import Method, SparseScan, heights
+from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.sensor import Sensor
+
+#: Past clouds, newest last, each with T_now_then (4, 4).
+History = Sequence[tuple[PointCloud, Array]]
+
+BEAMS = 64  # about so many lines where the sensor's own are fewer
+
+
+class Enricher:
+    """A sparse scan, and the image beside it, become a cloud on many virtual beams.
+
+    All measured points come first, as they are; behind them the predicted ones, on the rays of `target`'s lines
+    through the centres of the azimuth columns, each with its sigma and `measured` False. Rings are numbered as in
+    `target`. A scan whose rings are unknown is handed on as it is.
+
+    measure   gives the sparse cloud of a frame, in the sensor's own geometry
+    method    predicts ranges and sigmas
+    lines     the laser line of every ring id of the sparse cloud; `rings` (K,) those that it has, top first
+    target    the lines to fill; by default `denser(lines, rings)`
+    coverage  share of the predicted points that are kept, those of least sigma for their range
+    """
+
+    def __init__(
+        self,
+        measure: Callable[[Frame, History], PointCloud],
+        method: Method,
+        lines: Sensor,
+        rings: Array,
+        target: Sensor | None = None,
+        coverage: float = 1.0,
+    ) -> None:
+        self.measure, self.method, self.coverage = measure, method, coverage
+        self.lines, self.rings = lines, rings
+        self.target = target or denser(lines, rings)
+        self.calibration = SigmaCalibration(method)
+        self._columns: int | None = None  # as many as the first scan fills
+        self._row_of_ring = np.abs(heights(lines)[:, None] - heights(self.target)).argmin(axis=1)
+
+    def __call__(self, frame: Frame, history: History) -> PointCloud:
+        """The cloud of a frame, in the sensor's own geometry: neither deskewed nor vertically corrected."""
+        cloud = self.measure(frame, history)
+        if cloud.ring is None or len(cloud) == 0:
+            return cloud
+        self._columns = self._columns or columns_for(cloud)
+        grid = RayGrid(self.target, self._columns)
+        scan = SparseScan(cloud, self.lines, self.rings, frame.image, frame.calibration, self._columns)
+        prediction = self.method(scan, grid)
+        scale = self.calibration.update(scan, frame.index)
+        return self._joined(scan, grid, replace(prediction, sigma=prediction.sigma * scale))
+
+    def _joined(self, scan: SparseScan, grid: RayGrid, prediction: Prediction) -> PointCloud:
+        """The scan's points and the predicted ones that are kept."""
+        cloud, sensor = scan.cloud, grid.sensor
+        time = np.zeros(0, np.float32) if cloud.time is None else cloud.time
+        xyz, intensity, sigma, ring, times = kernels.collect(
+            prediction.ranges, prediction.sigma, self._kept(prediction), scan.points, *scan.rows_around(sensor),
+            cloud.intensity, time, grid.azimuth, np.cos(sensor.elevation), np.sin(sensor.elevation), sensor.offset,
+        )  # fmt: skip
+        return PointCloud(
+            xyz=np.concatenate([cloud.xyz, xyz]),
+            intensity=np.concatenate([cloud.intensity, intensity]),
+            ring=np.concatenate([self._row_of_ring[cloud.ring], ring]),
+            time=None if cloud.time is None else np.concatenate([cloud.time, times]),
+            sigma=np.concatenate([cloud.sigma, sigma]),
+            measured=np.concatenate([cloud.measured, np.zeros(len(xyz), bool)]),
+        )
+
+    def _kept(self, prediction: Prediction) -> Array:
+        """(R, W) bool."""
+        if self.coverage >= 1:
+            return prediction.trusted
+        relative = (prediction.sigma / np.maximum(prediction.ranges, np.float32(1e-3)))[prediction.trusted]
+        limit = np.quantile(relative, self.coverage) if len(relative) else 0.0
+        return prediction.trusted & (prediction.sigma <= limit * prediction.ranges)
+
+
+def denser(lines: Sensor, rings: Array) -> Sensor:
+    """The lines of the rings (K,) with so many put evenly between each two that there are about 64."""
+    between = max(1, round(BEAMS / len(rings)))
+    places, known = np.arange((len(rings) - 1) * between + 1) / between, np.arange(len(rings))
+    return replace(
+        lines,
+        name=f"{lines.name}, enriched",
+        elevation=np.interp(places, known, lines.elevation[rings]),
+        offset=np.interp(places, known, lines.offset[rings]),
+    )

@@ -1,0 +1,49 @@
+"""The methods of enrichment by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+from enrichment.sparse_scan import Method
+from slam.data.errors import InputError
+from slam.data.yaml_files import nearest
+
+
+def _ray_segment() -> Method:
+    from enrichment.ray_segment import RaySegment
+
+    return RaySegment()
+
+
+def _completion(name: str) -> Callable[[], Method]:
+    def make() -> Method:
+        from enrichment.depth_completion import DepthCompletion
+
+        return DepthCompletion(name)
+
+    return make
+
+
+def _joint() -> Method:
+    from enrichment.joint import Joint
+
+    return Joint()
+
+
+#: Calling an entry makes the method; what it needs is imported then.
+METHODS: dict[str, Callable[[], Method]] = {
+    "ray-segment": _ray_segment,
+    "nearest": _completion("nearest"),
+    "ip-basic": _completion("ip-basic"),
+    "delaunay": _completion("delaunay"),
+    "mrf": _completion("mrf"),
+    "joint": _joint,
+}
+
+
+def make_methods(names: Collection[str]) -> dict[str, Method]:
+    """The methods of these names. Raises InputError on an unknown one, with the nearest right one."""
+    for name in names:
+        if name not in METHODS:
+            raise InputError(f"unknown method '{name}'{nearest(name, METHODS)}")
+    return {name: METHODS[name]() for name in names}

@@ -1,0 +1,87 @@
+"""What edges in the image say of depth: how many of them lie on depth discontinuities, and how many of those they find.
+
+The comparison of Yue et al. (their Fig. 3), with figures: precision and recall over the detector's threshold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from enrichment.studies.depth_image import DepthImage, discontinuities
+from enrichment.studies.figures import Figures, mean
+from slam.data.cloud import Array
+
+THRESHOLDS = (10, 20, 40, 60, 90, 130, 180, 250, 350)  # grey levels, by Sobel's filter: eight times those a pixel
+BLUR = 1.0  # pixels, before gradients are taken
+TOLERANCE = 3  # pixels: returns are up to six rows and three columns apart
+
+PROTOCOL = {
+    "canny": "Canny's edges, the lower threshold half of the upper one, which is given",
+    "gradient": "pixels whose gradient magnitude (Sobel) is above the threshold",
+    "precision": "share of the edge pixels within 3 pixels of a depth discontinuity",
+    "recall": "share of the discontinuities' pixels within 3 pixels of an edge",
+    "chance": "the same for edges, or discontinuities, strewn evenly over the image: what counts is the distance to it",
+    "discontinuity": "nearer by more than 10 % on one side than on the other, both sides continued as planes",
+    "where": "pixels among the LiDAR's returns; means over images",
+}
+
+
+def canny(grey: Array, threshold: float) -> Array:
+    """(H, W) bool: Canny's edges in a grey image (H, W) uint8."""
+    import cv2
+
+    return np.asarray(cv2.Canny(_blurred(grey), threshold / 2, threshold, L2gradient=True)) > 0
+
+
+def gradient(grey: Array, threshold: float) -> Array:
+    """(H, W) bool: where a grey image (H, W) uint8 changes faster."""
+    import cv2
+
+    across, down = (cv2.Sobel(_blurred(grey), cv2.CV_32F, *order) for order in ((1, 0), (0, 1)))
+    return np.asarray(np.hypot(across, down)) > threshold
+
+
+DETECTORS: dict[str, Callable[[Array, float], Array]] = {"canny": canny, "gradient": gradient}
+
+
+def edges(image: DepthImage) -> Figures:
+    """[detector][threshold] -> figures of one image, see `PROTOCOL`."""
+    grey, lines = grey_of(image), discontinuities(image.depth).any(axis=0) & image.known
+    return {
+        name: {str(threshold): _figures(detect(grey, threshold), lines, image.known) for threshold in THRESHOLDS}
+        for name, detect in DETECTORS.items()
+    }
+
+
+def grey_of(image: DepthImage) -> Array:
+    """(H, W) uint8."""
+    import cv2
+
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(image.image), cv2.COLOR_RGB2GRAY))
+
+
+def near(lines: Array) -> Array:
+    """(H, W) bool: which pixels are within TOLERANCE of lines (H, W) bool."""
+    if not lines.any():
+        return np.zeros_like(lines)
+    return np.asarray(distance_transform_edt(~lines) <= TOLERANCE)
+
+
+def _figures(found: Array, lines: Array, known: Array) -> dict[str, float]:
+    near_edge, near_line = near(found), near(lines)
+    return {
+        "edges": mean(found[known]),
+        "precision": mean(near_line[found & known]),
+        "precision_by_chance": mean(near_line[known]),
+        "recall": mean(near_edge[lines]),
+        "recall_by_chance": mean(near_edge[known]),
+    }
+
+
+def _blurred(grey: Array) -> Array:
+    import cv2
+
+    return np.asarray(cv2.GaussianBlur(grey, (0, 0), BLUR))

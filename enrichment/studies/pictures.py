@@ -1,0 +1,142 @@
+"""The pictures of the studies: one frame, and the figures of all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from enrichment.studies.depth_image import FARTHEST, DepthImage, discontinuities
+from enrichment.studies.edges import canny, grey_of, near
+from enrichment.studies.figures import Figures
+from enrichment.studies.sparsity import SELECTIONS, reconstruct
+from slam.data.atomic import written_beside
+from slam.data.cloud import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SHOWN = (1 / 4, 1 / 16, 1 / 64)  # fractions of the coefficients that reconstructions are shown of
+SHOWN_THRESHOLD = 90  # of Canny's edges in the picture
+NEAREST = 4.0  # m, where the colours of depth begin
+WIDTH = 13.0  # inches
+INK, GRID = "#222222", "#E8E8E8"
+# Okabe and Ito's palette, told apart by colour-blind readers.
+COLOURS = ("#0072B2", "#D55E00")
+BOTH, EDGE_ONLY, JUMP_ONLY = (0, 255, 130), (255, 150, 0), (255, 90, 220)  # brighter, on a dark picture
+LINES = ("-", "--")  # a style a source of depth
+
+
+def draw_sparsity(image: DepthImage, sources: Mapping[str, Figures], title: str, path_png: Path) -> None:
+    """A frame's depth from fewer and fewer coefficients, and the error and what discontinuities keep over fractions.
+
+    `sources` has the figures by where depth came from ("64 rings, filled", "exact"). `image` is one of the first.
+    """
+    rows = 1 + len(SHOWN)
+    figure, panels, curves = _layout(title, rows, image)
+    panels[0, 0].imshow(image.image)
+    panels[0, 0].set_title("image", **_small())
+    _depth(panels[0, 1], image.depth, "depth, all coefficients (red near, blue far)")
+    for row, fraction in enumerate(SHOWN, 1):
+        for column, selection in enumerate(SELECTIONS):
+            depth = reconstruct(image.depth, fraction, selection)
+            _depth(panels[row, column], depth, f"1/{round(1 / fraction)} of the coefficients, the {selection}")
+    for axes, key, factor, label in (
+        (curves[0], "rmse_m", 1, "RMSE [m]"),
+        (curves[1], "height_kept", 100, "height of discontinuities kept [%]"),
+    ):
+        for (source, figures), line in zip(sources.items(), LINES, strict=False):
+            for (selection, fractions), colour in zip(figures.items(), COLOURS, strict=True):
+                values = [factor * entry[key] for entry in fractions.values()]
+                kept = [float(fraction) for fraction in fractions]
+                axes.plot(kept, values, line, marker="o", markersize=4, color=colour, label=f"{selection}, {source}")
+        axes.set_xscale("log", base=2)
+        axes.set_xticks([2.0**-k for k in range(7)], ["1", *(f"1/{2**k}" for k in range(1, 7))])
+        axes.invert_xaxis()
+        _tidy(axes, "share of the coefficients kept", label)
+    curves[0].legend(frameon=False, fontsize=9)
+    _save(figure, path_png)
+
+
+def draw_edges(image: DepthImage, sources: Mapping[str, Figures], title: str, path_png: Path) -> None:
+    """A frame with its edges and depth discontinuities, and precision over recall as the threshold rises."""
+    figure, panels, curves = _layout(title, 2, image, columns=1)
+    panels[0, 0].imshow(overlay(image))
+    panels[0, 0].set_title(
+        f"Canny's edges, threshold {SHOWN_THRESHOLD}: green on a depth discontinuity, orange not; "
+        "pink: discontinuities without an edge; darker: no returns",
+        **_small(),
+    )
+    _depth(panels[1, 0], image.depth, "depth (red near, blue far)")
+    for axes, detector in zip(curves, ("canny", "gradient"), strict=True):
+        for (source, figures), line in zip(sources.items(), LINES, strict=False):
+            entries = figures[detector]
+            recall, precision, chance = (
+                [100 * entry[key] for entry in entries.values()]
+                for key in ("recall", "precision", "precision_by_chance")
+            )
+            axes.plot(recall, precision, line, marker="o", markersize=4, color=COLOURS[0], label=source)
+            axes.plot(recall, chance, line, color="#999999", label=f"{source}, by chance")
+            for threshold, x, y in zip(entries, recall, precision, strict=True):
+                axes.annotate(threshold, (x, y), (3, 4), textcoords="offset points", fontsize=7, color=INK)
+        axes.set_xlim(0, 100)
+        axes.set_ylim(bottom=0)
+        _tidy(axes, "recall [%]: discontinuities with an edge", "precision [%]: edges on one")
+        axes.set_title(f"{detector}, by threshold", **_small())
+    curves[0].legend(frameon=False, fontsize=9)
+    _save(figure, path_png)
+
+
+def overlay(image: DepthImage) -> Array:
+    """(H, W, 3) uint8: the image, grey and darkened, with its edges and the discontinuities of its depth."""
+    lines = discontinuities(image.depth).any(axis=0) & image.known
+    found = canny(grey_of(image), SHOWN_THRESHOLD) & image.known
+    shades = np.where(image.known, 0.6, 0.2) * grey_of(image)
+    result = np.repeat(shades[..., None].astype(np.uint8), 3, axis=2)
+    result[lines & ~near(found)] = JUMP_ONLY
+    result[found] = EDGE_ONLY
+    result[found & near(lines)] = BOTH
+    return result
+
+
+def _layout(title: str, rows: int, image: DepthImage, columns: int = 2) -> tuple[Figure, Any, Any]:
+    """A figure, its panels of images (rows, columns), and two for curves below them."""
+    from matplotlib.figure import Figure
+
+    height, width = image.depth.shape
+    pictures = rows * (WIDTH / columns * height / width + 0.3)
+    figure = Figure(figsize=(WIDTH, pictures + 4.4), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.1, h_pad=0.06)  # type: ignore[union-attr, call-arg]
+    parts: Any = figure.subfigures(2, 1, height_ratios=[pictures, 4.0])
+    panels = parts[0].subplots(rows, columns, squeeze=False)
+    for axes in panels.flat:
+        axes.set_axis_off()
+    figure.suptitle(title, x=0.01, ha="left", color=INK, fontsize=13, fontweight="bold")
+    return figure, panels, parts[1].subplots(1, 2)
+
+
+def _depth(axes: Axes, depth: Array, title: str) -> None:
+    """Colours by the logarithm of depth, near to far."""
+    axes.imshow(np.log(np.clip(depth, NEAREST, FARTHEST)), cmap="turbo_r", vmin=np.log(NEAREST), vmax=np.log(FARTHEST))
+    axes.set_title(title, **_small())
+
+
+def _small() -> dict[str, Any]:
+    return {"loc": "left", "color": INK, "fontsize": 10}
+
+
+def _tidy(axes: Axes, x: str, y: str) -> None:
+    axes.set_xlabel(x, color=INK)
+    axes.set_ylabel(y, color=INK)
+    axes.grid(color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=INK, length=0)
+    axes.spines[:].set_visible(False)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    with written_beside(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=120, facecolor="white")

@@ -1,0 +1,41 @@
+"""Tables and paragraphs as plain text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from io import StringIO
+from textwrap import fill
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def number(value: float | None, decimals: int) -> str:
+    """Fixed decimals, a dash for what could not be computed."""
+    return "-" if value is None else f"{value:.{decimals}f}"
+
+
+def new_table(*columns: str, left: int) -> Table:
+    """Without lines but that under the header; the first `left` columns flush left, the others right."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="left" if index < left else "right", no_wrap=True)
+    return table
+
+
+def paragraphs(texts: Sequence[str]) -> str:
+    """Each folded at 118 characters and indented."""
+    return "".join(fill(text, 118, initial_indent="  ", subsequent_indent="    ") + "\n" for text in texts)
+
+
+def rendered(table: Table) -> str:
+    """As plain text without colour, as wide as it needs to be, never cut."""
+    from rich.console import Console
+
+    text = StringIO()
+    Console(file=text, width=10_000, no_color=True, markup=False, emoji=False, highlight=False).print(table)
+    return "".join(line.rstrip() + "\n" for line in text.getvalue().splitlines() if line.strip())

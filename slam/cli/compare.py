@@ -1,0 +1,89 @@
+"""`lidarlift compare`: one drive at 16 channels, enriched and at 64, beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from slam.cli.arguments import frame_slice, require_writable
+from slam.cli.run_folder import run_into
+from slam.config import load_config, preset_names
+
+if TYPE_CHECKING:
+    from slam.data.dataset import Dataset
+    from slam.settings import Config
+
+INPUTS = ("16", "enriched", "64")
+
+
+def compare(
+    dataset: Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")],
+    sequence: Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")] = None,
+    config: Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")] = None,
+    frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
+    sensor: Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML file with the beams.")] = None,
+    out: Annotated[Path | None, typer.Option(help="The folder for the runs. Default: runs/NAME-compared.")] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Stop at the first damaged file instead of going on.")
+    ] = False,
+) -> None:
+    """Drive through a data set with 16 channels, with these enriched, and with 64, and compare: a run folder each.
+
+    Example: `lidarlift compare kitti/sequences/04 --frames 0:50 --out runs/04`
+    """
+    from slam.data.dataset import open_dataset
+
+    data = open_dataset(dataset, sequence, sensor)
+    folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
+
+    def settings(channels: str) -> Config:
+        return load_config(config, set_ or (), input=channels)
+
+    compare_into(folder, data, inputs_of(data), settings, frame_slice(frames), strict=strict)
+
+
+def inputs_of(data: Dataset) -> Sequence[str]:
+    """What there is to compare: a sensor of 16 rings or fewer has no 64, one of another number no 16."""
+    rings = 64 if data.sensor is None else data.sensor.ring_count
+    return [name for name in INPUTS if name == "enriched" or (name == "16" and rings in (*range(17), 64)) or rings > 16]
+
+
+def compare_into(
+    folder: Path,
+    data: Dataset,
+    inputs: Sequence[str],
+    settings: Callable[[str], Config],
+    frames: slice = slice(None),
+    *,
+    name: str | None = None,
+    strict: bool = False,
+) -> dict[str, Any]:
+    """A run folder for each input, compare.json and compare.md beside them, and the table on stdout.
+
+    `settings` gives the configuration of an input. Raises InputError as `run_into` does, and before any work where a
+    folder cannot be written.
+    """
+    from eval.compare import compare_runs
+    from eval.evaluation import write_json
+    from eval.tables import comparison_markdown, format_comparison
+    from slam.data.atomic import write_text
+
+    folders = {channels: folder / channels for channels in inputs}
+    for each in folders.values():
+        require_writable(each)
+    for channels, each in folders.items():
+        run_into(each, data, settings(channels), frames, name=name, strict=strict)
+    comparison = compare_runs(folders)
+    write_json(folder / "compare.json", comparison)
+    title = f"{name or data.name}, {len(range(len(data))[frames])} frames"
+    write_text(folder / "compare.md", comparison_markdown(comparison, title))
+    print(f"\n{title}\n")
+    print(format_comparison(comparison))
+    for each in folders.values():
+        print(f"{each}: map.pcd, map.png, trajectory_tum.txt (and _kitti), trajectory.png, loops.csv, metrics.json")
+    print(f"{folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")
+    return comparison

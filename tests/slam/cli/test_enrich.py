@@ -1,0 +1,48 @@
+"""`lidarlift enrich`: clouds on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+Command = Callable[..., Any]
+
+
+@pytest.mark.parametrize("suffix", ["pcd", "ply"])
+def test_every_point_with_ring_sigma_and_whether_it_was_measured(
+    lidarlift: Command, street_drive: Callable[..., Path], suffix: str
+) -> None:
+    result = lidarlift("enrich", street_drive(), "--out", "e", "--frames", "0:2", "--format", suffix)
+    assert result.code == 0, result.err
+    assert sorted(path.name for path in Path("e").iterdir()) == [f"000000.{suffix}", f"000001.{suffix}"]
+    points = o3d.t.io.read_point_cloud(f"e/000000.{suffix}").point
+    measured = points["measured"].numpy()[:, 0].astype(bool)
+    assert 0 < measured.sum() < len(measured) / 2
+    assert (points["sigma"].numpy()[measured] == np.float32(0.02)).all()
+    assert np.median(points["sigma"].numpy()[~measured]) > 0.02
+    assert (points["ring"].numpy()[measured] % 4 == 0).all()
+    assert "2 scans" in result.out
+
+
+def test_bin_as_kitti_has_it(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    assert lidarlift("enrich", street_drive(), "--out", "e", "--frames", "0:1", "--format", "bin").code == 0
+    table = np.fromfile("e/000000.bin", "<f4").reshape(-1, 4)
+    assert len(table) > 10_000
+    assert np.isfinite(table).all()
+
+
+def test_coverage(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    sizes, path = [], street_drive()
+    for share in ("1.0", "0.5"):
+        lidarlift("enrich", path, "--out", share, "--frames", "0:1", "--set", f"front_end.coverage={share}")
+        sizes.append(len(o3d.t.io.read_point_cloud(f"{share}/000000.pcd").point["positions"]))
+    assert sizes[1] < 0.75 * sizes[0]
+
+
+def test_no_frames(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    lidarlift("enrich", street_drive(), "--out", "e", "--frames", "50:60").refused("no frames in that range")
