@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from enrichment import kernels
-from enrichment.calibration import SigmaCalibration
+from enrichment.calibration import Calibrated
 from enrichment.rays import Prediction, RayGrid, columns_for
 from enrichment.sparse_scan import Method, SparseScan, heights
 from slam.data.cloud import Array, Frame, PointCloud
@@ -28,7 +28,7 @@ class Enricher:
     `target`. A scan whose rings are unknown is handed on as it is.
 
     measure   gives the sparse cloud of a frame, in the sensor's own geometry
-    method    predicts ranges and sigmas
+    method    predicts ranges and sigmas; these are calibrated while driving
     lines     the laser line of every ring id of the sparse cloud; `rings` (K,) those that it has, top first
     target    the lines to fill; by default `denser(lines, rings)`
     coverage  share of the predicted points that are kept, those of least sigma for their range
@@ -43,10 +43,9 @@ class Enricher:
         target: Sensor | None = None,
         coverage: float = 1.0,
     ) -> None:
-        self.measure, self.method, self.coverage = measure, method, coverage
+        self.measure, self.method, self.coverage = measure, Calibrated(method), coverage
         self.lines, self.rings = lines, rings
         self.target = target or denser(lines, rings)
-        self.calibration = SigmaCalibration(method)
         self._columns: int | None = None  # as many as the first scan fills
         self._row_of_ring = np.abs(heights(lines)[:, None] - heights(self.target)).argmin(axis=1)
 
@@ -58,9 +57,7 @@ class Enricher:
         self._columns = self._columns or columns_for(cloud)
         grid = RayGrid(self.target, self._columns)
         scan = SparseScan(cloud, self.lines, self.rings, frame.image, frame.calibration, self._columns)
-        prediction = self.method(scan, grid)
-        scale = self.calibration.update(scan, frame.index)
-        return self._joined(scan, grid, replace(prediction, sigma=prediction.sigma * scale))
+        return self._joined(scan, grid, self.method(scan, grid))
 
     def _joined(self, scan: SparseScan, grid: RayGrid, prediction: Prediction) -> PointCloud:
         """The scan's points and the predicted ones that are kept."""

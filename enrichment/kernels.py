@@ -91,6 +91,33 @@ def segments(xyz, image):
 
 
 @njit(cache=True, nogil=True)
+def sticking_out(rho, length, window, slack, slack_share, limit):
+    """(K - 1, W) float32, metres: how far the returns beside each segment lie outside of its reach, in the mean.
+
+    rho (K, W) and length (K - 1, W) of `segments`. Beside are both of its rings, `window` columns to either side. Its
+    reach is from the nearer of its ends to the further one, plus `slack` metres and `slack_share` of them; no return
+    counts more than `limit`.
+    """
+    rings, columns = rho.shape
+    out = np.zeros((rings - 1, columns), np.float32)
+    for k in range(rings - 1):
+        for column in range(columns):
+            if length[k, column] == 0.0:
+                continue
+            near, far = min(rho[k, column], rho[k + 1, column]), max(rho[k, column], rho[k + 1, column])
+            near, far = near * (1 - slack_share) - slack, far * (1 + slack_share) + slack
+            total = 0.0
+            for beside in range(column - window, column + window + 1):
+                wrapped = beside % columns
+                for ring in (k, k + 1):
+                    r = rho[ring, wrapped]
+                    if r > 0.0:
+                        total += min(max(r - far, near - r, 0.0), limit)
+            out[k, column] = total / (4 * window)
+    return out
+
+
+@njit(cache=True, nogil=True)
 def meet(rho, z, length, upper, tangent, offset):
     """(R, W) float32, metres: at which rho each ray meets the segment between the returns above and below; 0: at none.
 

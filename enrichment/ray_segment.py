@@ -18,8 +18,11 @@ LEAST_SIGMA = 0.02  # m, on top of what grows with the segment
 STRAIGHT, BENT, TURN = np.float32(0.04), np.float32(0.29), np.float32(np.deg2rad(20))
 STEEP, STEEP_SHARE = np.deg2rad(60), np.float32(0.15)
 LONG, LONG_FACTOR = 8.0, np.float32(2.5)  # m: from there on segments join an object's edge to what is behind
+#: Hedges, fences and branches: where returns beside stick out of a segment's reach, rays pass through it or are
+#: stopped before it. Window in columns, slack in metres and as a share, most that one return counts [m], its weight.
+WINDOW, SLACK, SLACK_SHARE, LIMIT, THROUGH = 8, 1.0, 0.05, 40.0, np.float32(0.3)
 #: The slope gate: short segments, and longer ones on ground and walls. Between, they are false sheets.
-SHORT, LONGEST, FLAT = 1.0, 4.0, np.deg2rad(10)  # m, m, rad
+SHORT, LONGEST, FLAT = 1.0, 10.0, np.deg2rad(10)  # m, m, rad
 
 
 class RaySegment:
@@ -29,18 +32,19 @@ class RaySegment:
         rho, z, length, slope, turn = kernels.segments(scan.cloud.xyz, scan.points)
         sensor, upper = grid.sensor, scan.rows_above(grid.sensor)
         met = kernels.meet(rho, z, length, upper, np.tan(sensor.elevation), sensor.offset)
+        beside = kernels.sticking_out(rho, length, WINDOW, SLACK, SLACK_SHARE, LIMIT)
         short_or_plane = (length < SHORT) | ((length < LONGEST) & ((slope < FLAT) | (slope > STEEP)))
         stretch = (1 / np.cos(sensor.elevation)).astype(np.float32)[:, None]
         return Prediction(
             ranges=met * stretch,
-            sigma=np.where(met > 0, _sigma(length, slope, turn)[upper] * stretch, np.float32(np.inf)),
+            sigma=np.where(met > 0, _sigma(length, slope, turn, beside)[upper] * stretch, np.float32(np.inf)),
             trusted=(met > 0) & short_or_plane[upper],
         )
 
 
-def _sigma(length: Array, slope: Array, turn: Array) -> Array:
+def _sigma(length: Array, slope: Array, turn: Array, beside: Array) -> Array:
     """(K - 1, W) float32, metres, along rho."""
     share = STRAIGHT + BENT * np.minimum(turn / TURN, 1)
     share = np.where(slope > STEEP, np.maximum(share, STEEP_SHARE), share)
     share = np.where(length > LONG, share * LONG_FACTOR, share)
-    return np.asarray(LEAST_SIGMA + length * share, np.float32)
+    return np.asarray(LEAST_SIGMA + length * share + THROUGH * beside, np.float32)

@@ -64,6 +64,7 @@ def depth_benchmark(
 
 def _of_drive(data: Dataset, chosen: slice, phase: int, names: Collection[str] | None) -> Report:
     """Every method on every frame, over the returns that the camera sees ("image") and over all ("full")."""
+    from enrichment.calibration import Calibrated
     from enrichment.held_out import hold_out, ring_step
     from enrichment.methods import METHODS, make_methods
     from enrichment.rays import RayGrid
@@ -75,7 +76,7 @@ def _of_drive(data: Dataset, chosen: slice, phase: int, names: Collection[str] |
     if phase >= step:
         raise InputError(f"--phase {phase}: every second ring of {data.sensor.name} is kept; 0 and 1 exist")
     grid, positions = RayGrid(data.sensor), _chosen(range(len(data)), chosen, data.path)
-    clocks = {name: _Clock(method) for name, method in make_methods(names or METHODS).items()}
+    clocks = {name: _Clock(Calibrated(method)) for name, method in make_methods(names or METHODS).items()}
     views = {view: Answers(len(positions)) for view in ("image", "full")}
     left_out = []
     with progress(data.name, len(positions)) as advance:

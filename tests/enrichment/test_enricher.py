@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from enrichment.calibration import SigmaCalibration, errors
+from enrichment.calibration import SINGLE_GAP, Calibrated, relative_errors
 from enrichment.enricher import Enricher, denser
 from enrichment.ray_segment import RaySegment
 from enrichment.rays import Prediction, RayGrid
@@ -94,12 +94,12 @@ class Wrong:
         return Prediction(truth.ranges + noise, np.full(grid.shape, 0.1, np.float32), truth.ranges > 0)
 
 
-def test_sigma_is_scaled_to_the_errors_at_held_out_rings(sparse: Scan) -> None:
+def test_sigma_is_scaled_to_the_errors_at_held_out_rings(sparse: Scan, grid: RayGrid) -> None:
     scan = sparse()
     held = scan.rings[[8, 11]]
-    assert np.quantile(errors(Wrong(), scan, held), 0.68) == pytest.approx(3.0, rel=0.05)
-    calibration = SigmaCalibration(Wrong())
-    factors = [calibration.update(scan, number) for number in range(30)]
-    assert factors[-1] > 1.5
-    assert factors[1] == factors[0]  # not every frame is looked at
-    assert SigmaCalibration(Wrong()).update(scan, 0) == factors[0]
+    assert np.quantile(relative_errors(Wrong(), scan, held), 0.68) == pytest.approx(3.0, rel=0.05)
+    methods = Calibrated(Wrong()), Calibrated(Wrong())
+    sigmas = [float(methods[0](scan, grid).sigma[0, 0]) for _ in range(12)]
+    assert sigmas[-1] == pytest.approx(0.1 * 2.0 * SINGLE_GAP)  # a look says 2 at most
+    assert sigmas[1] == sigmas[0]  # not every scan is looked at
+    assert float(methods[1](scan, grid).sigma[0, 0]) == sigmas[0]
