@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from queue import Empty
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ SHARES = (0.0, 0.1, 0.3, 0.5)
 PLAIN_SHARE, GROUPED_SHARE, GROUP = 0.3, 0.3, 5
 LIMIT = 30.0  # s for each run of a plain solver
 SEEDS = (0, 1, 2)
+UNSEEN = 3  # a seed that nothing was chosen by
 KEYFRAMES = 10_000
 HEADER = ("graph", "false loops", "solver", "false kept", "true lost", "error m", "odometry's m", "seconds")
 
@@ -73,9 +74,9 @@ def main() -> None:
 def measured(case: Case, plain: bool) -> Iterable[Row]:
     """Ours at every share of false loops, alone and in groups that agree; the `plain` solvers at one share."""
     for share in SHARES:
-        for seed in SEEDS if share == PLAIN_SHARE else SEEDS[:1]:
+        for seed in (*SEEDS, UNSEEN) if share == PLAIN_SHARE else SEEDS[:1]:
             yield report(run(case.with_false(share, seed), "ours", f"{share:.0%}, seed {seed}"))
-    for seed in SEEDS:
+    for seed in (*SEEDS, UNSEEN):
         grouped = case.with_false(GROUPED_SHARE, seed, GROUP)
         yield report(run(grouped, "ours", f"{GROUPED_SHARE:.0%} in fives, seed {seed}"))
     for solver in ("gnc", "lm", "huber") if plain else ():
@@ -108,13 +109,13 @@ def run(case: Case, solver: str, false_loops: str) -> Row:
 
 
 def _solve(case: Case, solver: Callable[[Case], Any], queue: Any) -> None:
-    start = perf_counter()
+    start = process_time()
     poses, kept = solver(case)
-    queue.put((poses, kept, perf_counter() - start))
+    queue.put((poses, kept, process_time() - start))
 
 
 def _ours(case: Case) -> Any:
-    from slam.graph.back_end import judge
+    from slam.graph.judge import judge
 
     verdict = judge(case.odometry, case.loops, case.start)
     return verdict.poses, verdict.accepted
@@ -122,15 +123,14 @@ def _ours(case: Case) -> Any:
 
 def _gnc(case: Case) -> Any:
     """GTSAM's GNC-TLS on the whole graph, at the limit that ours begins from."""
-    from slam.graph.back_end import _poses, _values, gnc
     from slam.graph.clusters import QUANTILES
+    from slam.graph.solver import gnc
 
-    values, kept = gnc(case.odometry, case.loops, _values(range(len(case.start)), case.start), QUANTILES[0.9999])
-    return _poses(values), kept
+    return gnc(case.odometry, case.loops, case.start, QUANTILES[0.9999])
 
 
 def _lm(case: Case) -> Any:
-    from slam.graph.back_end import optimised
+    from slam.graph.solver import optimised
 
     return optimised(case.odometry, case.loops, case.start), None
 
@@ -138,12 +138,12 @@ def _lm(case: Case) -> Any:
 def _huber(case: Case) -> Any:
     import gtsam
 
-    from slam.graph.back_end import _graph, _poses, _values
+    from slam.graph.solver import factors, first_held, poses_of, values_of
 
-    graph = _graph(case.odometry, first=0)
-    graph.push_back(_graph(case.loops, gtsam.noiseModel.mEstimator.Huber.Create(1.345)))
-    values = _values(range(len(case.start)), case.start)
-    return _poses(gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()), None
+    graph = factors(case.odometry)
+    graph.add(first_held())
+    graph.push_back(factors(case.loops, gtsam.noiseModel.mEstimator.Huber.Create(1.345)))
+    return poses_of(gtsam.LevenbergMarquardtOptimizer(graph, values_of(case.start)).optimize()), None
 
 
 SOLVERS: dict[str, Callable[[Case], Any]] = {"ours": _ours, "gnc": _gnc, "lm": _lm, "huber": _huber}
@@ -203,12 +203,16 @@ def section(found: dict[str, Any], rows: Iterable[Row]) -> str:
 
 
 EXPLAINED = f"""\
-* `ours`: slam.graph.back_end.judge, from odometry to the solved full graph. `gnc`: GTSAM's GNC-TLS on the whole graph,
+* `ours`: slam.graph.judge.judge, from odometry to the solved full graph. `gnc`: GTSAM's GNC-TLS on the whole graph,
   odometry as known inliers. `lm`, `huber`: Levenberg-Marquardt, without a kernel and with Huber's (1.345) on
-  loops; both keep every loop. A solver is stopped after {LIMIT:.0f} s. One core.
+  loops; both keep every loop. A plain solver is stopped after {LIMIT:.0f} s. One core, seconds of processor time.
 * A false loop joins two random poses by the relative pose of a random true loop, more than 3 m off. In fives: runs of
   five that agree with each other through the odometry, as a wrong place seen on five frames. Clusters' reach and the
-  threshold's margin were chosen on these graphs at seed 0; seeds 1 and 2 were not used for it.
+  threshold's margin were chosen on these graphs at seed 0. That the truncated cost decides in the end was added for
+  what went wrong before on sphere2500: one loop kept at seed 0, five and four in fives at seeds 1 and 2; how much
+  has to be gained, for parking-garage in fives at seeds 0 and 1. Seed {UNSEEN} was not used for anything.
+* That loop of sphere2500 was 3.05 m off, at a stated noise of 0.3 m: its squared distance was 104 from the clean
+  optimum, 43 with the optimum's own uncertainty, but 18 from the graph that it had bent; the limit is 27.9.
 * Error: on sphere2500 and parking-garage rms distance to the optimum of the clean graph (extents 100 m, 264 m); on
   KITTI 00 aligned ATE: KISS-ICP's trajectory, 4541 poses, 0.03 m / 0.05 deg a frame; loops from the ground truth
   (within 4 m, over 100 m of way apart, every 5th frame) with the noise named. That truth is itself up to 1 m off

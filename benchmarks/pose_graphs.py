@@ -46,12 +46,12 @@ class Case:
 
     def clean_error(self) -> tuple[float, float]:
         """Error of the clean graph by our back end, and by GTSAM's Levenberg-Marquardt from its chordal start."""
-        from slam.graph.back_end import _graph, _values, judge
+        from slam.graph.judge import judge
+        from slam.graph.solver import squared_distances
 
-        graph = _graph([*self.odometry, *self.loops], first=0)
         poses = judge(self.odometry, self.loops, self.start).poses
         assert self.optimum is not None
-        return float(graph.error(_values(range(len(poses)), poses))), self.optimum
+        return float(squared_distances([*self.odometry, *self.loops], poses).sum()) / 2, self.optimum
 
     def with_false(self, share: float, seed: int, group: int = 1) -> Case:
         """With false loops, `share` of the true ones' number: random places joined by a true loop's relative pose, more
@@ -75,14 +75,15 @@ def posegraph(path: Path) -> Case:
     """A g2o file; its reference is GTSAM's own optimum of it, from a chordal start."""
     import gtsam
 
-    from slam.graph.back_end import _graph, _poses
+    from slam.graph.solver import factors, first_held, poses_of
 
     edges = read_g2o(path).edges
     odometry = [edge for edge in edges if edge.j == edge.i + 1]
     loops = [edge for edge in edges if edge.j != edge.i + 1]
-    graph = _graph(edges, first=0)
+    graph = factors(edges)
+    graph.add(first_held())
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, gtsam.InitializePose3.initialize(graph))
-    reference = _poses(optimizer.optimize())
+    reference = poses_of(optimizer.optimize())
     return Case(path.stem, odometry, loops, np.ones(len(loops), bool), reference, optimizer.error())
 
 

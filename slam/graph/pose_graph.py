@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -108,14 +108,18 @@ def odometry_poses(odometry: Sequence[Edge], start: Array) -> Array:
     return np.array(poses)
 
 
-def reduced(odometry: Sequence[Edge], loops: Iterable[Edge]) -> tuple[list[int], list[Edge]]:
-    """The poses that loops touch, the first and the last, rising; and the odometry from one to the next.
+def reduced(odometry: Sequence[Edge], loops: Iterable[Edge]) -> tuple[list[int], list[Edge], list[Edge]]:
+    """The poses that loops touch, the first and the last, rising; the odometry from one to the next, and the loops.
 
-    `odometry[k]` joins pose k to k + 1. Without loops, what is left has the same solution as the whole, and the same
-    marginal covariances to first order.
+    `odometry[k]` joins pose k to k + 1; the edges that come back count only the poses that are left. Without loops,
+    their graph has the same solution as the whole, and the same marginal covariances to first order.
     """
+    loops = list(loops)
     kept = sorted({0, len(odometry)}.union(*((loop.i, loop.j) for loop in loops)))
-    return kept, [chained(odometry[a:b]) for a, b in pairwise(kept)]
+    place = {pose: k for k, pose in enumerate(kept)}
+    chain = [chained(odometry[a:b]) for a, b in pairwise(kept)]
+    renamed = [[replace(edge, i=place[edge.i], j=place[edge.j]) for edge in edges] for edges in (chain, loops)]
+    return kept, renamed[0], renamed[1]
 
 
 def disagreement(loop: Edge, poses: Array, covariance: Array | None = None) -> float:

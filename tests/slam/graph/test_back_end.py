@@ -10,9 +10,12 @@ import pytest
 
 from slam.data import se3
 from slam.data.cloud import Array
-from slam.graph.back_end import BackEnd, judge, optimised
+from slam.graph.back_end import BackEnd
+from slam.graph.clusters import QUANTILES
+from slam.graph.judge import judge
 from slam.graph.ledger import LoopCandidate, csv_text
-from slam.graph.pose_graph import Edge, adjoint, chained, odometry_poses, reduced, reversed_edge
+from slam.graph.pose_graph import Edge, adjoint, chained, disagreement, odometry_poses, reduced, reversed_edge
+from slam.graph.solver import optimised, squared_distances
 
 LAP = 100
 STEP = se3.exp(np.array([0, 0, 2 * np.pi / LAP, np.pi, 0, 0]))  # a circle of 50 m
@@ -86,6 +89,24 @@ def test_false_loops_that_agree_with_each_other_are_found_out() -> None:
                 for k in range(20, 25)]  # fmt: skip
     verdict = judge(odometry, [*_loops(truth), *together], poses)
     assert verdict.accepted.tolist() == [True] * len(TRUE) + [False] * (len(FALSE) + len(together))
+
+
+def test_a_false_loop_that_bends_the_graph_until_it_fits_is_found_out() -> None:
+    """One metre off, near two true loops: with it among them, all are within the limit."""
+    truth, odometry = _circle()
+    true = _loops(truth)[: len(TRUE)]
+    aside = se3.exp(np.array([0, 0, 0, 0, 1.0, 0]))
+    false = Edge(33, 133, se3.normalized(se3.inverse(truth[33]) @ truth[133] @ aside), LOOP)
+    start = odometry_poses(odometry, np.eye(4))
+    together = optimised(odometry, [*true, false], start)
+    assert max(disagreement(loop, together) for loop in (*true, false)) < QUANTILES[0.9999]
+    assert judge(odometry, [*true, false], start).accepted.tolist() == [True] * len(true) + [False]
+
+
+def test_squared_distances_are_the_same_by_the_solver() -> None:
+    truth, odometry = _circle()
+    edges = [*odometry, *_loops(truth)]
+    np.testing.assert_allclose(squared_distances(edges, truth), [disagreement(edge, truth) for edge in edges])
 
 
 def test_loops_that_come_later_are_judged_with_those_before() -> None:
@@ -163,8 +184,9 @@ def test_the_covariance_of_a_chain_is_that_of_the_full_graph() -> None:
     _, odometry = _circle(40)
     back_end = _fed(odometry, [])
     loop = Edge(12, 30, np.eye(4), LOOP)
-    touched, chain = reduced(odometry, [loop])
+    touched, chain, [renamed] = reduced(odometry, [loop])
     assert touched == [0, 12, 30, 39]
+    assert (renamed.i, renamed.j) == (1, 2)
     for n in range(1, len(touched)):
         edge = chained(chain[:n])
         np.testing.assert_allclose(back_end.pose(touched[n]), edge.pose, atol=1e-6)
