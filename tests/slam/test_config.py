@@ -29,7 +29,7 @@ def test_nothing_given_means_the_defaults() -> None:
 
 
 def test_all_presets_load() -> None:
-    assert {"channels-16", "channels-64", "icp", "scan-to-scan"} <= set(preset_names())
+    assert {"channels-16", "channels-64", "icp", "paper", "scan-to-scan"} <= set(preset_names())
     for name in preset_names():
         assert isinstance(load_config(name), Config)
 
@@ -38,6 +38,10 @@ def test_presets_say_what_they_are_for() -> None:
     icp, scan = load_config("icp").odometry, load_config("scan-to-scan").odometry
     assert (icp.registration, icp.target) == ("icp-point-to-plane", "scan")
     assert (scan.registration, scan.target, scan.neighbours) == ("ndt", "scan", 7)
+    paper = load_config("paper")
+    assert paper.front_end.input == "16"
+    assert paper.front_end.drop == "average-pool"
+    assert load_config("paper", input="64").odometry == scan  # NDT is the paper's in both
     assert load_config("channels-64") == Config()  # the defaults are for 64 channels
 
 
