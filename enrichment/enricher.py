@@ -56,7 +56,7 @@ class Enricher:
             return cloud
         self._columns = self._columns or columns_for(cloud)
         grid = RayGrid(self.target, self._columns)
-        scan = SparseScan(cloud, self.lines, self.rings, frame.image, frame.calibration, self._columns)
+        scan = SparseScan(cloud, self.lines, self.rings, frame.read_image, frame.calibration, self._columns)
         return self._joined(scan, grid, self.method(scan, grid))
 
     def _joined(self, scan: SparseScan, grid: RayGrid, prediction: Prediction) -> PointCloud:

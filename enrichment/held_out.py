@@ -54,7 +54,7 @@ def hold_out(frame: Frame, grid: RayGrid, phase: int = 0) -> HeldOut:
     if image is not None and frame.calibration is not None:
         seen = visible(*project(cloud.xyz, frame.calibration), image.shape)[np.isin(cloud.ring, dropped)]
     return HeldOut(
-        scan=SparseScan(cloud, grid.sensor, rings, image, frame.calibration).without(dropped),
+        scan=SparseScan(cloud, grid.sensor, rings, lambda: image, frame.calibration).without(dropped),
         ring=out.ring,
         column=grid.column_of(out.xyz),
         ranges=grid.range_of(out.xyz, out.ring).astype(np.float32),

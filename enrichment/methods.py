@@ -30,6 +30,15 @@ def _joint() -> Method:
     return Joint()
 
 
+def _network(name: str) -> Callable[[], Method]:
+    def make() -> Method:
+        from enrichment.network_method import ImageNetwork
+
+        return ImageNetwork(name)
+
+    return make
+
+
 #: Calling an entry makes the method; what it needs is imported then.
 METHODS: dict[str, Callable[[], Method]] = {
     "ray-segment": _ray_segment,
@@ -38,6 +47,9 @@ METHODS: dict[str, Callable[[], Method]] = {
     "delaunay": _completion("delaunay"),
     "mrf": _completion("mrf"),
     "joint": _joint,
+    "l2l": _network("l2l"),
+    "li2l": _network("li2l"),
+    "f2l": _network("f2l"),
 }
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -24,7 +25,7 @@ class SparseScan:
     cloud        with ring ids
     lines        the laser line of every ring id
     rings        (K,) the ids that its sensor has, top first: a ring without any return counts, a dropped one does not
-    image        (H, W, 3) uint8 RGB of the same moment, or None
+    read_image   gives `image`, (H, W, 3) uint8 RGB of the same moment, or None; it is read when a method asks for it
     calibration  the camera's, or None
     columns      W of the grids that it is asked for
     """
@@ -32,9 +33,14 @@ class SparseScan:
     cloud: PointCloud
     lines: Sensor
     rings: Array
-    image: Array | None = field(default=None, repr=False)
+    read_image: Callable[[], Array | None] = lambda: None
     calibration: Calibration | None = None
     columns: int = COLUMNS
+
+    @cached_property
+    def image(self) -> Array | None:
+        """(H, W, 3) uint8 RGB."""
+        return self.read_image()
 
     @cached_property
     def points(self) -> Array:

@@ -21,8 +21,8 @@ PROTOCOL = {
     "worse": "share of the predictions whose |error| is above 0.3 m, 1 m",
     "iMAE, iRMSE": "of the inverse range, 1/km",
     "AUSE": "mean over k = 1..N of (MAE of the k predictions of smallest sigma - of the k of smallest |error|), in mm",
-    "calibration": "share of the predictions with |error| <= sigma; 0.68 if sigma is what it should be; sigma is scaled "
-    "by what rings held out of the sparse scan itself ask for, as while driving",
+    "calibration": "share of the predictions with |error| <= sigma; 0.68 if sigma is what it should be; sigma is "
+    "scaled by what rings held out of the sparse scan itself ask for, as while driving",
     "trusted": "the predictions that the method itself holds worth registering",
     "at_80": "the 80 % of the predictions with the smallest sigma",
     "bands": "by true range in metres, from the first number up to the second",

@@ -17,7 +17,8 @@ class FrontEndSettings(Settings):
     input: Literal["64", "16", "enriched"] = "64"  # 64: the scan as recorded; 16: rings dropped; enriched: 16 filled in
     drop: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"  # which 16 of 64 rings; the literature's default
     phase: int = Field(0, ge=0, le=3)  # of every-4th: the first ring that stays
-    enricher: Literal["ray-segment", "joint"] = "ray-segment"  # joint: the image helps, at a tenth of a second a frame
+    # joint: the image helps, at a tenth of a second a frame; l2l, li2l, f2l: the paper's networks, at a second or more
+    enricher: Literal["ray-segment", "joint", "l2l", "li2l", "f2l"] = "ray-segment"
     coverage: float = Field(1.0, gt=0, le=1)  # share of the predicted points that is kept: the surest
     deskew: bool | None = None  # None: where the scans have times and are not motion-compensated already
     vertical_correction_deg: float | None = None  # None: the sensor's own (KITTI: 0.205)
@@ -80,6 +81,7 @@ class KeyframeSettings(Settings):
     voxel_size: float = Field(0.1, ge=0.01)  # m: one averaged point a voxel; half of the map's voxel
     min_range: float = Field(2.5, ge=0)  # m; nearer is the car itself
     max_range: float = Field(80.0, gt=0, le=90)  # m; scan context describes as much
+    max_sigma: float = Field(0.2, gt=0)  # m; predicted points that are less certain would blur the map
     memory_mb: float = Field(1000.0, ge=0)  # for their clouds: about 1100 at 64 channels; older ones go to disk
 
 

@@ -21,6 +21,7 @@ from slam.cli.fit_lasers import fit_lasers
 from slam.cli.run import run
 from slam.cli.simulate import simulate
 from slam.cli.study import study
+from slam.cli.train import train
 from slam.data.errors import InputError
 
 INTERRUPTED = 130  # what shells expect after Ctrl-C, and typer exits with
@@ -37,7 +38,7 @@ app = typer.Typer(
     No data at hand: `lidarlift demo`
     """,
 )
-for command in (run, compare, enrich, evaluate, export, fit_lasers, simulate, demo, depth_benchmark):
+for command in (run, compare, enrich, evaluate, export, fit_lasers, simulate, demo, depth_benchmark, train):
     app.command()(command)
 app.add_typer(study, name="study")
 

@@ -62,8 +62,10 @@ class Keyframes(Sequence[Keyframe]):
         """
         done = self.finish() if self._begun and self.begins(pose) else None
         if self._begun is None:
-            self._begun = Keyframe(index, pose.copy(), way, cloud, RangeImage.of(cloud))
-        self._gathered.insert(cloud, se3.inverse(self._begun.pose) @ pose)
+            beams = cloud.select(cloud.measured)  # a predicted point is no beam: nothing may be carved away by it
+            self._begun = Keyframe(index, pose.copy(), way, cloud, RangeImage.of(beams))
+        sure = cloud.select(cloud.sigma <= self.settings.max_sigma)
+        self._gathered.insert(sure, se3.inverse(self._begun.pose) @ pose)
         return done
 
     def finish(self) -> Keyframe | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -108,7 +109,7 @@ def wall(grid: RayGrid) -> SparseScan:
     ring = ring[np.abs(grid.azimuth[column]) < 1]
     cloud, rings = PointCloud(xyz, np.zeros(len(xyz)), ring=ring), np.arange(64)
     image = np.full((370, 1200, 3), 90, np.uint8)
-    return SparseScan(cloud, grid.sensor, rings, image, CALIBRATION).without(rings[rings % 4 != 0])
+    return SparseScan(cloud, grid.sensor, rings, lambda: image, CALIBRATION).without(rings[rings % 4 != 0])
 
 
 @pytest.mark.parametrize("name", COMPLETIONS)
@@ -123,9 +124,9 @@ def test_the_method_is_exact_on_a_wall_ahead(name: str, wall: SparseScan, grid: 
     assert np.isinf(prediction.sigma[prediction.ranges == 0]).all()
 
 
-@pytest.mark.parametrize("missing", ["image", "calibration"])
-def test_without_a_camera_there_is_no_prediction(missing: str, wall: SparseScan, grid: RayGrid) -> None:
-    prediction = DepthCompletion("nearest")(replace(wall, **{missing: None}), grid)
+@pytest.mark.parametrize("missing", [{"read_image": lambda: None}, {"calibration": None}], ids=["image", "calibration"])
+def test_without_a_camera_there_is_no_prediction(missing: dict[str, Any], wall: SparseScan, grid: RayGrid) -> None:
+    prediction = DepthCompletion("nearest")(replace(wall, **missing), grid)
     assert not prediction.ranges.any()
     assert not prediction.trusted.any()
 

@@ -76,7 +76,7 @@ def test_only_wanted_rays(small: RayGrid) -> None:
 def scan_of(xyz: list[tuple[float, float, float]], grid: RayGrid) -> SparseScan:
     ring = np.arange(len(xyz))
     cloud = PointCloud(np.array(xyz), np.zeros(len(xyz)), ring=ring)
-    return SparseScan(cloud, grid.sensor, ring, np.zeros((*SHAPE, 3), np.uint8), CALIBRATION)
+    return SparseScan(cloud, grid.sensor, ring, lambda: np.zeros((*SHAPE, 3), np.uint8), CALIBRATION)
 
 
 def test_the_nearest_point_of_a_pixel_counts_and_hidden_ones_do_not(small: RayGrid) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,11 +42,11 @@ def scan(grid: RayGrid, truth: Array) -> SparseScan:
     image = np.full((370, 1200, 3), 220, np.uint8)
     image[round(horizon) :] = 30
     rings = np.arange(64)
-    return SparseScan(cloud, grid.sensor, rings, image, CALIBRATION).without(rings[rings % 4 != 0])
+    return SparseScan(cloud, grid.sensor, rings, lambda: image, CALIBRATION).without(rings[rings % 4 != 0])
 
 
 def test_a_ray_ends_at_the_side_of_the_images_edge_it_is_on(scan: SparseScan, truth: Array, grid: RayGrid) -> None:
-    grey = replace(scan, image=np.full((370, 1200, 3), 128, np.uint8))
+    grey = replace(scan, read_image=lambda: np.full((370, 1200, 3), 128, np.uint8))
     joint = Joint()(scan, grid)
     plain, blind = RaySegment()(scan, grid), Joint()(grey, grid)
     row, column = np.nonzero(joint.ranges != plain.ranges)
@@ -57,9 +58,9 @@ def test_a_ray_ends_at_the_side_of_the_images_edge_it_is_on(scan: SparseScan, tr
     assert error < 0.8 * without_colour
 
 
-@pytest.mark.parametrize("missing", ["image", "calibration"])
-def test_without_a_camera_it_is_ray_segment(missing: str, scan: SparseScan, grid: RayGrid) -> None:
-    same(Joint()(replace(scan, **{missing: None}), grid), RaySegment()(scan, grid))
+@pytest.mark.parametrize("missing", [{"read_image": lambda: None}, {"calibration": None}], ids=["image", "calibration"])
+def test_without_a_camera_it_is_ray_segment(missing: dict[str, Any], scan: SparseScan, grid: RayGrid) -> None:
+    same(Joint()(replace(scan, **missing), grid), RaySegment()(scan, grid))
 
 
 def test_where_the_camera_does_not_look_it_is_ray_segment(scan: SparseScan, grid: RayGrid) -> None:

@@ -1,0 +1,101 @@
+"""The paper's networks as methods of enrichment, run by ONNX Runtime."""
+
+from __future__ import annotations
+
+import logging
+from importlib import resources
+from importlib.resources.abc import Traversable
+
+import cv2
+import numpy as np
+
+from enrichment.depth_completion import SPREAD_SHARE, DepthCompletion
+from enrichment.ray_segment import RaySegment
+from enrichment.rays import Prediction, RayGrid
+from enrichment.sparse_scan import SparseScan
+from slam.data.cloud import Array
+
+WEIGHTS = resources.files("enrichment") / "weights"  # NAME.onnx, as enrichment.networks.export writes them
+
+log = logging.getLogger(__name__)
+
+
+class ImageNetwork(DepthCompletion):
+    """The method: ray-segment, but where a ray meets the network's dense depth image, that.
+
+    Sigma in the image is a share of the spread of depth, as for IP-Basic; the calibration on held-out rings finds out
+    by how much a network's errors differ. Where the network cannot run, for want of an image, of its weights in
+    `folder` or of ONNX Runtime, it is ray-segment alone, and the log says so once.
+    """
+
+    def __init__(self, name: str, folder: Traversable = WEIGHTS) -> None:
+        self.name, self._told = name, False
+        self.spread_share, self._fault = SPREAD_SHARE["ip-basic"], ""
+        try:
+            self.complete = OnnxNetwork(folder / f"{name}.onnx")
+        except (ImportError, FileNotFoundError) as error:
+            self._fault = f"cannot run here ({error})"
+
+    def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
+        plain = RaySegment()(scan, grid)
+        if self._fault or scan.calibration is None or scan.image is None:
+            self._notice(self._fault or "a scan without an image, or without its calibration")
+            return plain
+        seen = super().__call__(scan, grid)
+        met = seen.ranges > 0
+        return Prediction(
+            ranges=np.where(met, seen.ranges, plain.ranges),
+            sigma=np.where(met, seen.sigma, plain.sigma),
+            trusted=np.where(met, seen.trusted, plain.trusted),
+        )
+
+    def _notice(self, fault: str) -> None:
+        if not self._told:
+            log.warning("%s: %s; ray-segment interpolation takes its place", self.name, fault)
+            self._told = True
+
+
+class OnnxNetwork:
+    """A depth completion by a network, at the scale, in cells a pixel, that its file names.
+
+    Raises FileNotFoundError without the file, ImportError without ONNX Runtime.
+    """
+
+    def __init__(self, file: Traversable) -> None:
+        from onnxruntime import InferenceSession
+
+        self._session = InferenceSession(file.read_bytes(), providers=["CPUExecutionProvider"])
+        self._inputs = [entry.name for entry in self._session.get_inputs()]  # L2L has no image
+        self.scale = float(self._session.get_modelmeta().custom_metadata_map["scale"])
+
+    def __call__(self, sparse: Array, image: Array) -> Array:
+        if not sparse.any():
+            return sparse
+        depth = coarser(sparse, self.scale)
+        height, width = (round(size / self.scale) for size in depth.shape)
+        colours = cv2.resize(image[:height, :width], depth.shape[::-1], interpolation=cv2.INTER_AREA)
+        given = {"image": colours.transpose(2, 0, 1)[None] / np.float32(255), "depth": depth[None, None]}
+        (dense,) = self._session.run(None, {name: given[name] for name in self._inputs})
+        return finer(dense[0, 0], self.scale, sparse.shape)
+
+
+def coarser(sparse: Array, scale: float) -> Array:
+    """A depth image (H, W) [m, 0 = none] with `scale` cells a pixel, at most 1: the nearest depth in each cell.
+
+    Cells are whole: what is left of the image at the right and below is cut off.
+    """
+    shape = tuple(int(size * scale) for size in sparse.shape)
+    pixels = np.nonzero(sparse)
+    cells = ((np.stack(pixels) + 0.5) * scale).astype(np.int64)
+    inside = (cells < np.array(shape)[:, None]).all(axis=0)
+    depth = np.full(shape, np.inf, np.float32)
+    np.minimum.at(depth, tuple(cells[:, inside]), sparse[pixels][inside])
+    return np.where(np.isinf(depth), np.float32(0), depth)
+
+
+def finer(dense: Array, scale: float, shape: tuple[int, ...]) -> Array:
+    """A depth image of cells at (H, W) pixels, linear in inverse depth; what is no depth, 0 or less, stays none."""
+    inverse = np.divide(1, dense, out=np.full(dense.shape, np.nan, np.float32), where=dense > 0)
+    u, v = (((np.arange(size) + 0.5) * scale - 0.5).astype(np.float32) for size in shape[::-1])
+    inverse = cv2.remap(inverse, *np.meshgrid(u, v), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.divide(1, inverse, out=np.zeros(shape, np.float32), where=np.isfinite(inverse))

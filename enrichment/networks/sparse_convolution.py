@@ -1,0 +1,56 @@
+"""Sparsity-invariant convolution (Uhrig et al., "Sparsity Invariant CNNs", 3DV 2017), and the network made of it."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+EPSILON = 1e-6  # of a count: an empty window gives the bias
+
+
+class SparseConvolution(nn.Module):
+    """y = conv(x * m, w) / (sum of m over the window + EPSILON) + b, and m' = the maximum of m over the window.
+
+    x is (B, in, H, W), its mask m (B, 1, H, W), 1 where x is known, else 0; the size stays. Equation 1 of the paper.
+    """
+
+    def __init__(self, channels_in: int, channels_out: int, size: int) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.empty(channels_out, channels_in, size, size))
+        self.bias = nn.Parameter(torch.zeros(channels_out))
+        # The division makes a mean of the sum. One draw for the whole window, by He et al. for 1 x 1, keeps the scale
+        # of a smooth input whatever the window's size and density; a second one for each place tells places apart.
+        scale = (2 / channels_in) ** 0.5
+        with torch.no_grad():
+            whole = torch.randn(channels_out, channels_in, 1, 1)
+            self.weight.copy_(scale * (whole + torch.randn(self.weight.shape)))
+
+    def forward(self, x: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+        size = self.weight.shape[-1]
+        count = size**2 * functional.avg_pool2d(mask, size, stride=1, padding=size // 2)
+        y = functional.conv2d(x * mask, self.weight, padding=size // 2) / (count + EPSILON)
+        return y + self.bias[:, None, None], functional.max_pool2d(mask, size, stride=1, padding=size // 2)
+
+
+class SCNN(nn.Module):
+    """Five sparse convolutions of 16 channels with ReLU and one of size 1: dense depth from sparse depth.
+
+    25,585 parameters. Depths are (B, 1, H, W), 0 = none; further than 12 pixels from any there is only the bias.
+    """
+
+    SIZES, CHANNELS = (11, 7, 5, 3, 3), 16
+
+    def __init__(self) -> None:
+        super().__init__()
+        channels_in = (1, *[self.CHANNELS] * (len(self.SIZES) - 1))
+        pairs = zip(channels_in, self.SIZES, strict=True)
+        self.layers = nn.ModuleList(SparseConvolution(channels, self.CHANNELS, size) for channels, size in pairs)
+        self.last = SparseConvolution(self.CHANNELS, 1, 1)
+
+    def forward(self, depth: Tensor) -> Tensor:
+        x, mask = depth, (depth > 0).to(depth.dtype)
+        for layer in self.layers:
+            x, mask = layer(x, mask)
+            x = functional.relu(x)
+        return self.last(x, mask)[0]

@@ -1,0 +1,17 @@
+"""Under which licence recordings are, as far as their folder tells."""
+
+from __future__ import annotations
+
+from slam.data.dataset import Dataset
+from slam.data.kitti import KittiDrive
+
+SIMULATED = "simulated by lidarlift"
+KITTI = "KITTI, CC BY-NC-SA 3.0"
+OWN = "not known to lidarlift: that of the recordings"
+
+
+def licence_of(data: Dataset) -> str:
+    """SIMULATED, KITTI or OWN."""
+    if (data.path.parent.parent / "simulation.json").is_file():
+        return SIMULATED
+    return KITTI if isinstance(data, KittiDrive) and "kitti" in data.name.lower() else OWN

@@ -1,0 +1,162 @@
+"""The training loop, on Lightning: a CPU, a GPU or several; the same seed gives the same weights on one CPU.
+
+An epoch of Lightning's is `Plan.look` steps here: after each the network is validated and a checkpoint written.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import lightning
+import numpy as np
+import torch
+from lightning.fabric.utilities.warnings import PossibleUserWarning
+from lightning.pytorch.loggers import CSVLogger, TensorBoardLogger
+from lightning.pytorch.utilities.exceptions import MisconfigurationException
+from torch import Tensor
+from torch.optim import AdamW
+from torch.utils.data import DataLoader
+
+from enrichment.networks.loss import depth_loss
+from enrichment.networks.registry import NETWORKS
+from enrichment.training.checkpoint import BEST, CHECKPOINT, NETWORK, Checkpoint, Figures, read_checkpoint, tensors_of
+from enrichment.training.drawing import Drawn, Example, Whole
+from enrichment.training.pack import Pack
+from enrichment.training.plan import Plan
+from slam.data.errors import InputError
+
+LOG_EVERY = 10  # steps
+
+
+def train(training: Training, device: str) -> None:
+    """Take the steps that are left, on 'auto', 'cpu' or 'gpu' (all there are).
+
+    The training's folder gets CHECKPOINT, BEST and logs/, for TensorBoard and as CSV. Raises InputError where there is
+    no such device.
+    """
+    if training.step >= training.plan.steps:
+        return
+    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PossibleUserWarning)  # advice on workers
+        warnings.simplefilter("ignore", FutureWarning)  # Lightning's own, of PyTorch
+        try:
+            _trainer(training, device).fit(training)
+        except SystemExit as stop:
+            raise KeyboardInterrupt from stop  # what Lightning makes of Ctrl-C
+
+
+def _trainer(training: Training, device: str) -> lightning.Trainer:
+    logs = training.out / "logs"
+    try:
+        return lightning.Trainer(
+            accelerator=device,
+            max_epochs=-(-(training.plan.steps - training.step) // training.plan.look),
+            reload_dataloaders_every_n_epochs=1,
+            num_sanity_val_steps=0,
+            limit_val_batches=None if training.validation else 0,
+            logger=[TensorBoardLogger(logs, name="tensorboard"), CSVLogger(logs, name="csv")],
+            log_every_n_steps=LOG_EVERY,
+            enable_progress_bar=False,
+            enable_checkpointing=False,
+            enable_model_summary=False,
+        )
+    except MisconfigurationException as error:
+        raise InputError(f"--device {device}: PyTorch finds none here ({error}); choose cpu") from error
+
+
+class Training(lightning.LightningModule):
+    """A network, where it is in its plan, and what Lightning asks for on the way.
+
+    workers  processes that draw examples; 0: the training's own
+    on_step  called after each step with its loss
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        packs: Sequence[Pack],
+        validation: Sequence[Pack],
+        out: Path,
+        workers: int = 0,
+        on_step: Callable[[float], None] | None = None,
+    ) -> None:
+        super().__init__()
+        torch.manual_seed(plan.seed)
+        self.network = NETWORKS[plan.model]()
+        self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # a tenth faster on a CPU
+        self.plan, self.packs, self.validation, self.out = plan, packs, validation, out
+        self.workers, self.on_step = workers, on_step
+        self.data = " ".join(pack.digest for pack in (*packs, *validation))
+        self.step = 0
+        self.best: Figures | None = None
+        self._optimizer = AdamW(self.network.parameters())
+
+    def resume(self) -> None:
+        """Go on where the folder's checkpoint is. Raises InputError without one, or where it is of another training."""
+        path = self.out / CHECKPOINT
+        checkpoint = read_checkpoint(path)
+        checkpoint.require(self.plan, self.data, path)
+        checkpoint.restore(self.network, self._optimizer)
+        self.step, self.best = checkpoint.step, checkpoint.best
+
+    def configure_optimizers(self) -> AdamW:
+        return self._optimizer
+
+    def train_dataloader(self) -> DataLoader[Example]:
+        """The examples up to the next look."""
+        batch, gpus = self.plan.batch, self.trainer.world_size
+        count = min(self.plan.look, self.plan.steps - self.step) * batch * gpus
+        drawn = Drawn(self.packs, self.plan.crop, self.plan.seed, self.step * batch * gpus, count)
+        return DataLoader(drawn, batch, num_workers=self.workers)
+
+    def val_dataloader(self) -> DataLoader[Example]:
+        return DataLoader(Whole(self.validation), 1, num_workers=self.workers)
+
+    def on_train_batch_start(self, batch: Example, batch_idx: int) -> None:
+        """Dropout and learning rate follow from seed and step, so that a resumed training takes the same way."""
+        state = np.random.SeedSequence((self.plan.seed, self.step, self.global_rank)).generate_state(1)
+        torch.manual_seed(int(state[0]))
+        for group in self._optimizer.param_groups:
+            group["lr"] = self.plan.rate_at(self.step)
+
+    def training_step(self, batch: Example, batch_idx: int) -> Tensor:
+        loss = depth_loss(self.network(batch.image, batch.depth), batch.target)
+        self.log("loss", loss)
+        self.log("step", float(self.step))  # of the loggers: Lightning's own starts at 0 when resumed
+        return loss
+
+    def on_train_batch_end(self, outputs: object, batch: Example, batch_idx: int) -> None:
+        self.step += 1
+        if self.on_step is not None and self.trainer.is_global_zero:
+            self.on_step(float(self.trainer.callback_metrics["loss"]))
+
+    def validation_step(self, batch: Example, batch_idx: int) -> None:
+        mae, rmse = errors(self.network(batch.image, batch.depth), batch)
+        self.log_dict({"mae": mae, "rmse": rmse, "step": float(self.step)}, sync_dist=True)
+
+    def on_train_epoch_end(self) -> None:
+        """Behind the validation: what it says, and where the training is."""
+        found = self.trainer.callback_metrics
+        figures = Figures(self.step, float(found["mae"]), float(found["rmse"])) if self.validation else None
+        better = figures is None or self.best is None or figures.rmse < self.best.rmse
+        self.best = figures if better else self.best
+        if self.trainer.is_global_zero:
+            tensors = tensors_of(self.network, self._optimizer)
+            if better:
+                weights = {name: value for name, value in tensors.items() if name.startswith(NETWORK)}
+                self._checkpoint(weights).write(self.out / BEST)
+            self._checkpoint(tensors).write(self.out / CHECKPOINT)
+
+    def _checkpoint(self, tensors: dict[str, Tensor]) -> Checkpoint:
+        return Checkpoint(self.plan, self.data, self.step, self.best, tensors)
+
+
+def errors(depth: Tensor, batch: Example) -> tuple[Tensor, Tensor]:
+    """MAE and RMSE [m] over the cells with a target but without a kept return, where the input has the answer."""
+    asked = (batch.target > 0) & (batch.depth == 0)
+    error = (depth - batch.target)[asked]
+    return error.abs().mean(), error.square().mean().sqrt()

@@ -1,0 +1,54 @@
+"""Depths of points to an image of cells, coarser than the pixels or as fine."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from slam.data.cloud import Array
+
+#: What is farther than so much is another surface: times as far, and metres.
+SAME, APART = np.float32(1.1), np.float32(1.0)
+NOWHERE = 1e6  # m
+
+
+def cells_of(pixels: Array, scale: float) -> Array:
+    """(N, 2) int64, column and row, of pixels (N, 2) whose centres are whole numbers."""
+    return np.floor((np.floor(np.asarray(pixels) + 0.5) + 0.5) * scale).astype(np.int64)
+
+
+def nearest(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
+    """(H, W) float32, metres, 0 = none: the least depth (N,) in each cell, as an occluding return is measured."""
+    index, inside = _index(cells, shape)
+    image = np.full(shape[0] * shape[1], np.inf, np.float32)
+    np.minimum.at(image, index, depth[inside].astype(np.float32))
+    return np.where(np.isinf(image), np.float32(0), image).reshape(shape)
+
+
+def pooled(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
+    """(H, W) float32, metres, 0 = none: mean inverse depth in each cell, right on planes, where many points fall into
+    it; the least depth where they lie on surfaces at different distances."""
+    index, inside = _index(cells, shape)
+    inverse = 1 / depth[inside]
+    size = shape[0] * shape[1]
+    count, total = np.bincount(index, minlength=size), np.bincount(index, inverse, size)
+    mean = np.divide(count, total, out=np.zeros(size), where=count > 0).astype(np.float32).reshape(shape)
+    least = nearest(cells, depth, shape)
+    return np.where(mean <= SAME * least, mean, least)
+
+
+def in_front(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
+    """(N,) bool: which points, inside the image, are not on another surface than the nearest of their own and the
+    eight cells around it."""
+    least = nearest(cells, depth, shape)
+    around = cv2.erode(np.where(least > 0, least, NOWHERE), np.ones((3, 3), np.uint8), borderValue=NOWHERE).ravel()
+    index, result = _index(cells, shape)
+    result[result] = depth[result] <= np.maximum(SAME * around, around + APART)[index]
+    return result
+
+
+def _index(cells: Array, shape: tuple[int, int]) -> tuple[Array, Array]:
+    """Of cells (N, 2) inside the image, (M,): their place in the flat image; and which these are, (N,) bool."""
+    inside = np.asarray(((cells >= 0) & (cells < shape[::-1])).all(axis=1))
+    column, row = cells[inside].T
+    return row * shape[1] + column, inside

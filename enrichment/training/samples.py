@@ -1,0 +1,162 @@
+"""What a network learns from: a frame's image, its returns by ring, and the depth that should come out.
+
+Which rings are the input is drawn later, each time a sample is used (`enrichment.training.drawing`): first the rings
+that are kept, then the input from their returns alone. The target leaves nothing out: it has the depth of the kept
+returns as well as that of the others. Figures are taken off the kept returns, where the input does not give the answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from enrichment.held_out import ring_step
+from enrichment.image_rays import nearest_pixel, within
+from enrichment.training import targets
+from enrichment.training.neighbours import Neighbours
+from enrichment.training.pooling import cells_of, nearest
+from slam.data.camera import project, visible
+from slam.data.cloud import Array, Frame
+from slam.data.dataset import Dataset
+from slam.data.errors import InputError
+from slam.data.pose_files import read_poses
+
+#: A return: pixel of the whole image, depth along the camera's axis in 1/STEPS m, ring.
+RETURN = np.dtype([("column", "<u2"), ("row", "<u2"), ("depth", "<u2"), ("ring", "u1")])
+STEPS = 256.0  # a metre, as in KITTI's depth maps
+FARTHEST = 65535 / STEPS
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One frame at `scale`: pixels of the whole image times scale, rounded down, are cells of (H, W).
+
+    image      (H, W, 3) uint8 RGB
+    returns    (N,) RETURN: all inside the image, hidden ones too, for fewer rings do not show that they are
+    target     (H, W) float32, metres, in steps of 1/256: depth at the cells' centres, 0 = none
+    ring_step  every so-many-th ring is what a sparse LiDAR has (`ring_step`)
+    scale      cells a pixel, at most 1
+    """
+
+    image: Array
+    returns: Array
+    target: Array
+    ring_step: int
+    scale: float
+
+
+def source(data: Dataset, poses: Path | None = None, scale: float = 0.5, neighbours: int = 5) -> Source:
+    """A drive with the poses of a file, T_world_lidar of all scans, or with its ground truth where it has any.
+
+    Raises InputError where the file is not that, or as `Source` does.
+    """
+    if poses is None:
+        return Source(data, data.ground_truth, neighbours=neighbours, scale=scale)
+    _, values = read_poses(poses)
+    if len(values) != len(data):
+        fault = f"{len(values)} poses for the {len(data)} scans of {data.path}"
+        raise InputError(f"{poses}: {fault}; one a scan is needed, as a run of all of them writes")
+    return Source(data, values, poses.name, neighbours, scale)
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A drive to take samples from, at `scale`.
+
+    poses       (N, 4, 4) T_world_lidar of its scans, NaN where unknown; None: neighbouring scans are not used
+    poses_from  where these are from: a file's name
+    neighbours  so many scans before and after complete a frame's target
+
+    Raises InputError where the drive has no camera, or nobody knows its LiDAR's rings.
+    """
+
+    data: Dataset
+    poses: Array | None = field(default=None, repr=False)
+    poses_from: str = "ground truth"
+    neighbours: int = 5
+    scale: float = 0.5
+
+    def __post_init__(self) -> None:
+        if self.data.calibration is None:
+            raise InputError(f"{self.data.path}: no camera calibration; networks for depth are trained with images")
+        if self.data.sensor is None:
+            raise InputError(f"{self.data.path}: nobody knows which LiDAR this was; place a sensor.yaml beside it")
+
+    @property
+    def target(self) -> str:
+        """Where the target depths are from, best first: exact images beside the drive; disparity there, completed by
+        the scan's own returns; these, completed by neighbouring scans; these alone."""
+        if targets.has_exact(self.data.path):
+            return "exact"
+        if targets.has_disparity(self.data.path):
+            return "disparity and returns"
+        if self.poses is not None and self.neighbours > 0:
+            return f"returns of the scan and {self.neighbours} before and after, placed by {self.poses_from}"
+        return "returns of the scan"
+
+    def __iter__(self) -> Iterator[Sample | None]:
+        """The samples of all frames in turn, None for a frame without image, rings or returns in the image."""
+        around = None
+        if self.poses is not None and "placed by" in self.target:
+            around = Neighbours(self.data, self.poses, self.neighbours)
+        for position in range(len(self.data)):
+            yield self._sample(self.data[position], around, position)
+
+    def _sample(self, frame: Frame, around: Neighbours | None, position: int) -> Sample | None:
+        image, cloud, sensor = frame.image, frame.cloud, self.data.sensor
+        if image is None or cloud.ring is None or frame.calibration is None:
+            return None
+        assert sensor is not None
+        pixels, depth = project(cloud.xyz, frame.calibration)
+        seen = within(pixels, image.shape) & (depth < FARTHEST)
+        if not seen.any():
+            return None
+        pixels, depth = pixels[seen], depth[seen]
+        shown = visible(pixels, depth, image.shape)
+        shape = int(image.shape[0] * self.scale), int(image.shape[1] * self.scale)
+        target = nearest(cells_of(pixels[shown], self.scale), depth[shown], shape)
+        if around is not None:
+            more = around.depth_image(position, pixels[shown], depth[shown], image.shape, self.scale)
+            target = np.where(target > 0, target, more)
+        return Sample(
+            image=_scaled(image, shape, self.scale),
+            returns=_packed(pixels, depth, cloud.ring[seen]),
+            target=_quantised(self._from_files(frame.index, target)),
+            ring_step=ring_step(sensor),
+            scale=self.scale,
+        )
+
+    def _from_files(self, number: int, own: Array) -> Array:
+        """(H, W): the target that files beside the drive give, else what was made of scans."""
+        exact = targets.exact(self.data.path, number)
+        if exact is not None:
+            return targets.scaled(exact, own.shape, self.scale)
+        disparity = targets.disparity(self.data.path, number)
+        if disparity is None:
+            return own
+        target = targets.scaled(disparity, own.shape, self.scale)
+        return np.where(target > 0, target, own)
+
+
+def _packed(pixels: Array, depth: Array, ring: Array) -> Array:
+    """(N,) RETURN, sorted by ring and column."""
+    returns = np.empty(len(depth), RETURN)
+    returns["column"], returns["row"] = nearest_pixel(pixels)
+    returns["depth"], returns["ring"] = np.round(depth * STEPS), ring
+    return returns[np.lexsort((returns["column"], returns["ring"]))]
+
+
+def _quantised(depth: Array) -> Array:
+    """(H, W) float32; depth beyond what 16 bits hold becomes none."""
+    steps = np.round(depth * STEPS)
+    return np.where(steps <= FARTHEST * STEPS, steps / STEPS, 0).astype(np.float32)
+
+
+def _scaled(image: Array, shape: tuple[int, int], scale: float) -> Array:
+    """The cells' mean colours; what is left at the right and below when cells are whole is cut off."""
+    height, width = (round(size / scale) for size in shape)
+    return np.asarray(cv2.resize(image[:height, :width], shape[::-1], interpolation=cv2.INTER_AREA))

@@ -1,0 +1,120 @@
+"""Samples: what the camera sees of a scan, and where the target depths come from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from enrichment.training.samples import STEPS, Sample, Source, source
+from slam.data.camera import project, visible
+from slam.data.cloud import Array, PointCloud
+from slam.data.errors import InputError
+from slam.data.pose_files import kitti_text
+
+
+def first(of: Source) -> Sample:
+    sample = next(iter(of))
+    assert sample is not None
+    return sample
+
+
+def truth(shape: tuple[int, ...], scale: float, drive: Any) -> Array:
+    """(H, W): the street's depth at the centres of cells, the camera being where the LiDAR is: ground and wall."""
+    v = (np.arange(shape[0]) + 0.5) / scale - 0.5
+    with np.errstate(divide="ignore"):
+        ground = 1.7 * drive.calibration.K[1, 1] / (v - drive.calibration.K[1, 2])
+    row = np.where((ground > 0) & (ground < 15), ground, 15.0)
+    return np.repeat(row[:, None], shape[1], axis=1)
+
+
+def test_returns_are_the_points_in_the_image(drive: Any) -> None:
+    sample = first(Source(drive))
+    pixels, depth = project(drive.clouds[0].xyz, drive.calibration)
+    inside = ((pixels > -0.5) & (pixels < (239.5, 79.5))).all(axis=1)
+    assert len(sample.returns) == inside.sum() > 3000
+    expected = np.column_stack([np.round(pixels[inside]), depth[inside], drive.clouds[0].ring[inside]])
+    found = np.column_stack([sample.returns[name].astype(float) for name in ("column", "row", "depth", "ring")])
+    found[:, 2] /= STEPS
+    # each has its like among the others: the same ring, within half a pixel and half a step
+    order, wanted = np.lexsort(found.T[[2, 1, 0, 3]]), np.lexsort(expected.T[[2, 1, 0, 3]])
+    np.testing.assert_allclose(found[order], expected[wanted], atol=0.51 / STEPS)
+    assert sample.image.shape == (40, 120, 3)
+    assert sample.ring_step == 4
+
+
+def test_the_target_has_all_rings_that_the_camera_sees(drive: Any) -> None:
+    target = first(Source(drive, scale=1.0)).target
+    pixels, depth = project(drive.clouds[0].xyz, drive.calibration)
+    seen = visible(pixels, depth, (80, 240))
+    column, row = np.round(pixels[seen]).astype(int).T
+    known = np.zeros((80, 240), bool)
+    known[row, column] = True
+    np.testing.assert_array_equal(target > 0, known)
+    assert (target[row, column] <= depth[seen] + 0.51 / STEPS).all()
+
+
+def test_neighbouring_scans_fill_in_between(drive: Any, dense: PointCloud) -> None:
+    even, odd = (dense.select(dense.ring % 2 == parity) for parity in (0, 1))
+    drive = replace(drive, clouds=[even, odd.with_xyz(odd.xyz - [1, 0, 0])])
+    alone, both = first(Source(drive)).target, first(Source(drive, drive.ground_truth)).target
+    assert (both > 0).sum() > 1.2 * (alone > 0).sum()
+    np.testing.assert_array_equal(both[alone > 0], alone[alone > 0])
+    new = (both > 0) & (alone == 0)
+    off = np.abs(both - truth(both.shape, 0.5, drive))[new] / both[new]
+    assert np.quantile(off, 0.9) < 0.05  # far down the road a cell spans more
+
+
+def test_what_moved_meanwhile_is_left_out(drive: Any, dense: PointCloud) -> None:
+    even, odd = (dense.select(dense.ring % 2 == parity) for parity in (0, 1))
+    car = odd.select((odd.xyz[:, 0] > 14) & (np.abs(odd.xyz[:, 1]) < 3) & (odd.xyz[:, 2] > -0.5))
+    car = car.with_xyz(car.xyz - [8, 0, 0])  # 7 m away in the second scan, where the first saw the wall
+    drive = replace(drive, clouds=[even, car.with_xyz(car.xyz - [1, 0, 0])])
+    target = first(Source(drive, drive.ground_truth)).target
+    np.testing.assert_array_equal(target, first(Source(drive)).target)
+
+
+def test_exact_depth_beside_the_drive_is_the_target(drive: Any) -> None:
+    depth = truth((80, 240), 1.0, drive)
+    (drive.path / "depth_2").mkdir()
+    cv2.imwrite(str(drive.path / "depth_2" / "000010.png"), np.round(depth * 256).astype(np.uint16))
+    of = Source(drive, drive.ground_truth)
+    assert of.target == "exact"
+    np.testing.assert_allclose(first(of).target, truth((40, 120), 0.5, drive), rtol=0.02)
+
+
+def test_disparity_beside_the_drive_is_the_target(drive: Any) -> None:
+    (drive.path / "disp_occ_0").mkdir()
+    disparity = np.zeros((80, 240), np.uint16)
+    disparity[::2, ::2] = 256 * 8  # pixels
+    cv2.imwrite(str(drive.path / "disp_occ_0" / "000010.png"), disparity)
+    (drive.path / "calib.txt").write_text("P2: 720 0 0 44.8 0 720 0 0 0 0 1 0\nP3: 720 0 0 -339.2 0 720 0 0 0 0 1 0\n")
+    of = Source(drive)
+    assert of.target == "disparity and returns"
+    np.testing.assert_array_equal(first(of).target, 384 / 8)
+
+
+def test_frames_without_image_are_passed_over(drive: Any) -> None:
+    samples = list(Source(replace(drive, without_image=frozenset({1}))))
+    assert [sample is None for sample in samples] == [False, True, False]
+
+
+def test_poses_from_a_file(drive: Any, tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    path.write_text(kitti_text(drive.ground_truth))
+    of = source(drive, path)
+    np.testing.assert_allclose(of.poses, drive.ground_truth)
+    assert "placed by run.txt" in of.target
+    path.write_text(kitti_text(drive.ground_truth[:2]))
+    with pytest.raises(InputError, match=r"run\.txt: 2 poses for the 3 scans"):
+        source(drive, path)
+
+
+@pytest.mark.parametrize(("what", "fault"), [("calibration", "no camera"), ("sensor", "which LiDAR")])
+def test_a_drive_that_lacks_what_is_needed_is_refused(drive: Any, what: str, fault: str) -> None:
+    with pytest.raises(InputError, match=fault):
+        Source(replace(drive, **{what: None}))
