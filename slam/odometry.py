@@ -23,6 +23,7 @@ LOST_AFTER = 5  # so many failures in a row, and the map starts anew where the s
 SEARCH_STEP = 0.5  # m, below the reach of a coarse cell
 SEARCH_TURNS = np.deg2rad([4, -4, 8, -8, 12, -12, 16, -16])  # about the vertical: a sharp corner in one frame
 USUAL_OVERLAP, OVERLAP_MEMORY = 0.8, 10  # share of the mean overlap of so many scans that none falls below in passing
+ENDS = 2  # of a motion: the scan before was registered with an error as well
 FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m: what a pose kept from the prediction is worth
 
 
@@ -116,7 +117,7 @@ class Odometry:
             status, found = "retried", self._search(points, prediction, found)
         if not self._sound(found):
             return self._kept(prediction, scan, found)
-        return OdometryStep(found.pose, found.covariance + self._unseen, status, found, scan)
+        return OdometryStep(found.pose, ENDS * found.sandwich + self._unseen, status, found, scan)
 
     def _search(self, points: Points, centre: Array, *found: RegistrationResult) -> RegistrationResult:
         """The best of registrations started all around `centre`, and of those `found` already.

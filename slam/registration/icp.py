@@ -48,9 +48,11 @@ class IcpTarget:
     def align(self, xyz: Array, weight: Array, guess: Array) -> RegistrationResult:
         """Pose of the points (N, 3), weights (N,), in the target from `guess` (4, 4), pairs renewed in every step."""
         pose, steps, converged = minimise(lambda T: self._linearise(xyz, weight, T), guess, self.max_iterations)
-        return result(self._linearise(xyz, weight, pose), pose, steps, converged)
+        scores = np.zeros((len(xyz), 6))
+        model = self._linearise(xyz, weight, pose, scores)
+        return result(model, pose, steps, converged, xyz, scores)
 
-    def _linearise(self, xyz: Array, weight: Array, pose: Array) -> Linearisation:
+    def _linearise(self, xyz: Array, weight: Array, pose: Array, scores: Array | None = None) -> Linearisation:
         turned = xyz @ pose[:3, :3].T
         distance, nearest = self._tree.query(turned + pose[:3, 3], distance_upper_bound=GATE)
         paired = np.isfinite(distance)
@@ -62,9 +64,12 @@ class IcpTarget:
         m = np.einsum("ni,ni->n", r, r) / NOISE**2
         robust = w / (1.0 + m)
         scaled = robust / NOISE**2
+        parts = np.einsum("n,nik,ni->nk", scaled, J, r, optimize=True)
+        if scores is not None:
+            scores[paired] = parts
         return Linearisation(
             H=np.einsum("n,nik,nil->kl", scaled, J, J, optimize=True),
-            gradient=np.einsum("n,nik,ni->k", scaled, J, r, optimize=True),
+            gradient=parts.sum(axis=0),
             variance=float((robust * m).sum() / (r.shape[1] * robust.sum())),
             inlier_ratio=float(w[m < INLIER].sum() / max(w.sum(), 1e-9)),
             overlap=float(w.sum() / total),

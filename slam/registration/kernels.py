@@ -238,12 +238,13 @@ def _add_point(H, g, u, S, qx, qy, qz, fx, fy, fz):
 
 
 @njit(cache=True, nogil=True)
-def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, gaussians):
+def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, gaussians, scores):
     """One linearisation of NDT: sum over points of w rho'(m) J^T S^-1 [J | r], with m = r^T S^-1 r and r = T x - mean.
 
     The perturbation turns about the sensor and moves it, both in the axes of the map: J = [-[R x]_x, I]. The robust
     weight is Cauchy's, 1 / (1 + m / kernel^2), on the Mahalanobis distance. `neighbours` is 1 (the point's own cell)
-    or 7 (its six neighbours by face as well).
+    or 7 (its six neighbours by face as well). Where `scores` (N, 6) has any rows, each point's part of the gradient is
+    added there.
 
     Returns H (6, 6), gradient (6,), and six sums: robust weights, robust weights x m, the weight of the points whose
     best m is below the 95 % quantile of chi^2(3), the paper's eq. 5 (weights x exp(-m / 2), best cell), the weight of
@@ -283,7 +284,15 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
             u = w / (1.0 + m * inverse_kernel)
             totals[0] += u
             totals[1] += u * m
-            _add_point(H, g, u, S, qx, qy, qz, u * sx, u * sy, u * sz)
+            fx, fy, fz = u * sx, u * sy, u * sz
+            _add_point(H, g, u, S, qx, qy, qz, fx, fy, fz)
+            if len(scores):
+                scores[i, 0] += qy * fz - qz * fy
+                scores[i, 1] += qz * fx - qx * fz
+                scores[i, 2] += qx * fy - qy * fx
+                scores[i, 3] += fx
+                scores[i, 4] += fy
+                scores[i, 5] += fz
         if best < np.inf:
             totals[4] += w
             totals[3] += w * math.exp(-0.5 * best)
@@ -293,3 +302,25 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
         for j in range(k):
             H[k, j] = H[j, k]
     return H, g, totals
+
+
+@njit(cache=True, nogil=True)
+def clustered_scatter(xyz, scores, size, keys, slots):
+    """(6, 6): sum over cells of s s^T, s the sum of the scores (N, 6) of the points (N, 3) in the cell.
+
+    `keys` and `slots` are scratch, at least twice as long as N, overwritten.
+    """
+    keys[:] = EMPTY
+    inverse_size = 1.0 / size
+    sums = np.zeros((len(xyz), 6))
+    count = 0
+    for i in range(len(xyz)):
+        key = _key(xyz[i, 0], xyz[i, 1], xyz[i, 2], inverse_size)
+        slot = _find(keys, key)
+        if keys[slot] == EMPTY:
+            keys[slot] = key
+            slots[slot] = count
+            count += 1
+        for k in range(6):
+            sums[slots[slot], k] += scores[i, k]
+    return sums[:count].T @ sums[:count]

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
+import numpy as np
+
 from slam.data.cloud import Array
 from slam.registration.gauss_newton import Linearisation, minimise, result
 from slam.registration.result import RegistrationResult
-from slam.registration.voxels import VoxelGaussians
+from slam.registration.voxels import NO_SCORES, VoxelGaussians
 
 
 class NdtTarget:
@@ -67,10 +69,14 @@ class NdtTarget:
             linearise = partial(self._linearise, level, xyz, weight)
             pose, taken, converged = minimise(linearise, pose, limit)
             steps += taken
-        return result(self._linearise(self.levels[-1], xyz, weight, pose), pose, steps, converged)
+        scores = np.zeros((len(xyz), 6))
+        model = self._linearise(self.levels[-1], xyz, weight, pose, scores)
+        return result(model, pose, steps, converged, xyz, scores)
 
-    def _linearise(self, level: VoxelGaussians, xyz: Array, weight: Array, pose: Array) -> Linearisation:
-        H, gradient, totals = level.normal_equations(xyz, weight, pose, self.neighbours, self.kernel)
+    def _linearise(
+        self, level: VoxelGaussians, xyz: Array, weight: Array, pose: Array, scores: Array = NO_SCORES
+    ) -> Linearisation:
+        H, gradient, totals = level.normal_equations(xyz, weight, pose, self.neighbours, self.kernel, scores)
         robust, cost, inliers, score, met, total = totals
         return Linearisation(
             H=H,

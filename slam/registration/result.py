@@ -14,7 +14,10 @@ class RegistrationResult:
     pose          (4, 4) T_target_source
     H             (6, 6) Gauss-Newton Hessian at the pose, robust weights applied, for a perturbation pose @ exp(xi),
                   xi = (rotation [rad], translation [m]) in the source's axes, as GTSAM's Pose3 has it
-    covariance    (6, 6) of the same xi: inv(H) times the variance of the weighted residuals
+    covariance    (6, 6) of the same xi: inv(H) times the variance of the weighted residuals. It tells directions that
+                  the points do not hold; as a variance it believes in the Gaussians and in independent points
+    sandwich      (6, 6) of the same xi, of what the points really say: inv(H) B inv(H), B the scatter of their parts of
+                  the gradient, those of neighbours added up first (Huber 1967; for clusters Liang & Zeger 1986)
     overlap       share of the points' weight that met the target: a cell with a Gaussian, a point within the gate
     inlier_ratio  share of those that fit it: Mahalanobis distance squared below 7.8, the 95 % quantile of chi^2(3)
     score         mean over the points of exp(-m / 2) with the Mahalanobis distance squared m, 0 where no cell is met
@@ -26,6 +29,7 @@ class RegistrationResult:
     pose: Array
     H: Array
     covariance: Array
+    sandwich: Array
     overlap: float
     inlier_ratio: float
     score: float

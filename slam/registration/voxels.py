@@ -8,6 +8,9 @@ from slam.data.cloud import Array
 from slam.registration import kernels
 
 
+NO_SCORES = np.zeros((0, 6))
+
+
 def hash_table(entries: int) -> tuple[Array, Array]:
     """An empty hash table, at most half full with so many entries."""
     size = 1 << max(10, (2 * entries - 1).bit_length())
@@ -65,11 +68,11 @@ class VoxelGaussians:
         )
 
     def normal_equations(
-        self, xyz: Array, weight: Array, pose: Array, neighbours: int, kernel: float
+        self, xyz: Array, weight: Array, pose: Array, neighbours: int, kernel: float, scores: Array = NO_SCORES
     ) -> tuple[Array, Array, Array]:
         """See `kernels.normal_equations`."""
         return kernels.normal_equations(
-            xyz, weight, pose, self.size, neighbours, kernel, self._keys, self._slots, self._gaussians
+            xyz, weight, pose, self.size, neighbours, kernel, self._keys, self._slots, self._gaussians, scores
         )
 
     def _allocate(self, capacity: int) -> None:

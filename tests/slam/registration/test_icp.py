@@ -38,6 +38,7 @@ def test_recovers_a_motion(hall: Sampler, planes: bool, metres: float, degrees: 
     assert found.overlap > 0.95
     assert found.inlier_ratio > 0.8
     assert np.linalg.eigvalsh(found.covariance)[0] > 0
+    assert np.linalg.eigvalsh(found.sandwich)[0] > 0
 
 
 @pytest.mark.parametrize("planes", [True, False])

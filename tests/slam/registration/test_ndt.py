@@ -113,7 +113,9 @@ def test_covariance_is_symmetric_and_positive_definite(in_hall: NdtTarget, hall:
     xyz = hall(3, se3.exp(np.array([0, 0, 0.05, 0.3, 0.1, 0])))
     found = in_hall.align(xyz, ones(xyz), np.eye(4))
     np.testing.assert_allclose(found.covariance, found.covariance.T, rtol=1e-6, atol=1e-15)
+    np.testing.assert_allclose(found.sandwich, found.sandwich.T, rtol=1e-6, atol=1e-15)
     assert np.linalg.eigvalsh(found.covariance)[0] > 0
+    assert np.linalg.eigvalsh(found.sandwich)[0] > 0
     assert np.linalg.eigvalsh(found.H)[0] > 0
     assert np.sqrt(np.diag(found.covariance)[3:]).max() < 0.02
 
@@ -124,12 +126,29 @@ def test_covariance_grows_along_a_corridor(corridor: Sampler, heading: float, ax
     pose = se3.exp(np.array([0, 0, np.deg2rad(heading), 0, 0, 0]))
     xyz = corridor(1, pose)
     found = ndt_of(corridor(0)).align(xyz, ones(xyz), pose)
-    spread, directions = np.linalg.eigh(found.covariance[3:, 3:])
-    assert abs(directions[axis, 2]) > 0.99
-    assert spread[2] > 20 * spread[1]
+    for covariance in (found.covariance, found.sandwich):
+        spread, directions = np.linalg.eigh(covariance[3:, 3:])
+        assert abs(directions[axis, 2]) > 0.99
+        assert spread[2] > 20 * spread[1]
     across = se3.inverse(pose) @ found.pose
     assert np.abs(np.delete(across[:3, 3], axis)).max() < 0.02
     assert np.rad2deg(se3.angle(across)) < 0.1
+
+
+def test_what_is_said_twice_is_no_more_certain(in_hall: NdtTarget, hall: Sampler) -> None:
+    """Points beside each other, as interpolation makes them, share an error."""
+    xyz = hall(3, np.eye(4))
+    once, often = (in_hall.align(points, ones(points), np.eye(4)) for points in (xyz, np.tile(xyz, (4, 1))))
+    np.testing.assert_allclose(often.covariance, once.covariance / 4, rtol=1e-3)
+    np.testing.assert_allclose(often.sandwich, once.sandwich, rtol=1e-3, atol=1e-12)
+
+
+def test_the_sandwich_is_as_large_as_errors_are(hall: Sampler) -> None:
+    """Of many scans, each with its own noise, against the same map; the ratio is one of standard deviations."""
+    found = [ndt_of(hall(0, density=30.0)).align(xyz, ones(xyz), np.eye(4)) for xyz in map(hall, range(1, 25))]
+    errors = np.array([se3.log(result.pose) for result in found])
+    expected = np.mean([np.diag(result.sandwich) for result in found], axis=0)
+    assert (np.abs(np.log(np.sqrt((errors**2).mean(axis=0) / expected))) < np.log(3)).all()
 
 
 def test_covariance_follows_the_axes_of_the_source(in_hall: NdtTarget, hall: Sampler) -> None:
