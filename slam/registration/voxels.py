@@ -7,7 +7,6 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.registration import kernels
 
-
 NO_SCORES = np.zeros((0, 6))
 
 
