@@ -214,11 +214,10 @@ def gains(rows: Iterable[Row]) -> list[float]:
 
 def targets(rows: Sequence[Row]) -> list[tuple[str, str, str, str]]:
     """What was aimed at, the figure, the limit, and whether it is met."""
-    first, other = (of_variant(rows, *variant) for variant in VARIANTS[:2])
+    first, other, halved = (of_variant(rows, *variant) for variant in VARIANTS)
     twice = sum(gain >= 2 for gain in gains(first))
     off = {row.drive: row.to_64["enriched"] for row in first}
     lost = max(row.to_64["enriched"] - min(row.to_64[name] for name in SIXTEEN) for row in rows)
-    true = [value for row in rows for value in row.nees.values() if value is not None]
     front_end = float(np.median([row.front_end_ms for row in rows]))
     whole = front_end + float(np.median([row.odometry_ms["enriched"] for row in rows]))
     weighted = float(np.median([row.odometry_ms["enriched"] / row.odometry_ms["unweighted"] for row in rows]))
@@ -236,8 +235,9 @@ def targets(rows: Sequence[Row]) -> list[tuple[str, str, str, str]]:
         ("further from 64 channels than plain 16, anywhere, at most [cm]", 100 * lost, "<=", 0.5, 2),
         ("path length off, at most [%]", 100 * max(abs(row.path_ratio - 1) for row in rows), "<=", 0.2, 2),
         ("times nearer, scan to scan, least", min(map(scan_gain, first)), ">=", 5, 1),
-        ("NEES on the town, least", min(true, default=None), ">=", 0.5, 2),
-        ("NEES on the town, most", max(true, default=None), "<=", 2, 2),
+        ("NEES on the town, least", min(all_nees(rows), default=None), ">=", 0.5, 2),
+        ("NEES on the town, most, every frame", max(all_nees(first + other), default=None), "<=", 2, 2),
+        ("NEES on the town, most, every 2nd frame", max(all_nees(halved), default=None), "<=", 2, 2),
         ("enrichment [ms a frame]", front_end, "<=", 10, 1),
         ("frames a second, enrichment and odometry on one core", 1e3 / whole, ">=", 20, 0),
         ("time of the odometry by that for the same points unweighted", weighted, "<=", 1.2, 2),
@@ -256,6 +256,10 @@ def _verdict(value: float | None, relation: str, limit: float) -> str:
 
 def of_variant(rows: Iterable[Row], phase: int, step: int) -> list[Row]:
     return [row for row in rows if (row.phase, row.step) == (phase, step)]
+
+
+def all_nees(rows: Iterable[Row]) -> list[float]:
+    return [value for row in rows for value in row.nees.values() if value is not None]
 
 
 def scan_gain(row: Row) -> float:
@@ -300,8 +304,9 @@ def section(rows: Sequence[Row], about: dict[str, Any]) -> str:
   enrichment was tuned: {", ".join(SIXTEEN)}; "times nearer" is against the best of them, drive by drive.
 * Path: length of the enriched trajectory beside that on 64 channels. Scan to scan: the preset of that name for all
   three inputs, enriched with {THINNER[0]}; distance to 64 channels scan to scan.
-* Geometric mean of "times nearer" with every 2nd frame: {number(_mean(gains(of_variant(rows, 0, 2))), 2)}. The settings
-  were chosen on these drives, every frame, at both phases.
+* The settings were chosen on these drives, every frame, at both phases. Geometric mean of "times nearer" with every 2nd
+  frame: {number(_mean(gains(of_variant(rows, *VARIANTS[2]))), 2)}. On 04 at rings 2, 6, .. plain 16 channels are as near already
+  as another recipe for 64 would be.
 * Unweighted: the enriched cloud as if all of its points had been measured.
 
 {table(("target", "figure", "limit", "verdict"), targets(rows))}

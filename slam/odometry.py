@@ -117,7 +117,8 @@ class Odometry:
             status, found = "retried", self._search(points, prediction, found)
         if not self._sound(found):
             return self._kept(prediction, scan, found)
-        return OdometryStep(found.pose, ENDS * found.sandwich + self._unseen, status, found, scan)
+        way = float(np.linalg.norm(found.pose[:3, 3] - self._pose[:3, 3]))
+        return OdometryStep(found.pose, ENDS * found.sandwich + way * self._unseen, status, found, scan)
 
     def _search(self, points: Points, centre: Array, *found: RegistrationResult) -> RegistrationResult:
         """The best of registrations started all around `centre`, and of those `found` already.

@@ -49,7 +49,7 @@ class OdometrySettings(Settings):
     map_radius: float = Field(100.0, gt=0)  # m around the sensor: the map forgets the rest
     min_inlier_ratio: float = Field(0.25, ge=0, le=1)  # below it a registration has failed
     max_position_sigma: float = Field(0.5, gt=0)  # m, standard deviation along the worst direction: degenerate above it
-    unseen_tilt_deg: float = Field(0.0, ge=0)  # a scan, 1 sigma: roll and pitch that its rings hardly show
+    unseen_tilt_deg: float = Field(0.0, ge=0)  # 1 sigma after one metre, by the root of the way: tilt that rings hide
     search_radius: float = Field(5.0, ge=0)  # m around the prediction, at start-up, after a gap and in a retry
     min_gate: float = Field(0.5, gt=0)  # m between prediction and registration that is never a jump
 
