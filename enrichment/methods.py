@@ -39,6 +39,8 @@ def _network(name: str) -> Callable[[], Method]:
     return make
 
 
+NETWORK_METHODS = ("l2l", "li2l", "f2l")  # the paper's
+
 #: Calling an entry makes the method; what it needs is imported then.
 METHODS: dict[str, Callable[[], Method]] = {
     "ray-segment": _ray_segment,
@@ -47,9 +49,7 @@ METHODS: dict[str, Callable[[], Method]] = {
     "delaunay": _completion("delaunay"),
     "mrf": _completion("mrf"),
     "joint": _joint,
-    "l2l": _network("l2l"),
-    "li2l": _network("li2l"),
-    "f2l": _network("f2l"),
+    **{name: _network(name) for name in NETWORK_METHODS},
 }
 
 

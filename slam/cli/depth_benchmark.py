@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
@@ -16,6 +16,7 @@ from slam.cli.console import progress
 from slam.data.errors import InputError
 
 if TYPE_CHECKING:
+    from enrichment.sparse_scan import Method
     from slam.data.dataset import Dataset
 
 T = TypeVar("T")
@@ -50,9 +51,12 @@ def depth_benchmark(
     if is_depth_map_folder(dataset):
         report = _of_depth_maps(dataset, chosen, method)
     else:
+        from enrichment.methods import METHODS, make_methods
         from slam.data.dataset import open_dataset
 
-        report = _of_drive(open_dataset(dataset, sequence, sensor), chosen, phase, method)
+        report = report_of_drive(
+            open_dataset(dataset, sequence, sensor), make_methods(method or METHODS), chosen, phase
+        )
     write_json(out / "depth.json", report)
     written = ["depth.json"]
     if any("full" in entry for entry in report.values()):
@@ -62,11 +66,13 @@ def depth_benchmark(
     print(f"Written to {out}: {', '.join(written)}")
 
 
-def _of_drive(data: Dataset, chosen: slice, phase: int, names: Collection[str] | None) -> Report:
-    """Every method on every frame, over the returns that the camera sees ("image") and over all ("full")."""
+def report_of_drive(
+    data: Dataset, methods: Mapping[str, Method], chosen: slice = slice(None), phase: int = 0
+) -> Report:
+    """What depth.json holds: every method on every frame, over the returns that the camera sees ("image") and over all
+    ("full"). Raises InputError where the drive has no rings that could be held out."""
     from enrichment.calibration import Calibrated
     from enrichment.held_out import hold_out, ring_step
-    from enrichment.methods import METHODS, make_methods
     from enrichment.rays import RayGrid
     from eval.depth import PROTOCOL, Answers
 
@@ -76,7 +82,7 @@ def _of_drive(data: Dataset, chosen: slice, phase: int, names: Collection[str] |
     if phase >= step:
         raise InputError(f"--phase {phase}: every second ring of {data.sensor.name} is kept; 0 and 1 exist")
     grid, positions = RayGrid(data.sensor), _chosen(range(len(data)), chosen, data.path)
-    clocks = {name: _Clock(Calibrated(method)) for name, method in make_methods(names or METHODS).items()}
+    clocks = {name: _Clock(Calibrated(method)) for name, method in methods.items()}
     views = {view: Answers(len(positions)) for view in ("image", "full")}
     left_out = []
     with progress(data.name, len(positions)) as advance:
