@@ -305,8 +305,8 @@ def section(rows: Sequence[Row], about: dict[str, Any]) -> str:
 * Path: length of the enriched trajectory beside that on 64 channels. Scan to scan: the preset of that name for all
   three inputs, enriched with {THINNER[0]}; distance to 64 channels scan to scan.
 * The settings were chosen on these drives, every frame, at both phases. Geometric mean of "times nearer" with every 2nd
-  frame: {number(_mean(gains(of_variant(rows, *VARIANTS[2]))), 2)}. On 04 at rings 2, 6, .. plain 16 channels are as near already
-  as another recipe for 64 would be.
+  frame: {number(_mean(gains(of_variant(rows, *VARIANTS[2]))), 2)}. On 04 at rings 2, 6, .. plain 16 is as near
+  already as another recipe for 64 would be.
 * Unweighted: the enriched cloud as if all of its points had been measured.
 
 {table(("target", "figure", "limit", "verdict"), targets(rows))}
