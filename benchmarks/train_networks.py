@@ -1,10 +1,11 @@
 """The shipped weights: which recordings they were trained on, which were held out, and the commands.
 
-    python benchmarks/train_networks.py DATA OUT            half resolution, crops: about 40 minutes on two CPU cores
+    python benchmarks/train_networks.py DATA OUT            half resolution, crops: an hour or more on two CPU cores
     python benchmarks/train_networks.py DATA OUT --full     whole images at full resolution, on a GPU
 
-DATA is the folder with kitti_raw_0005 and the others of DRIVES, unpacked. A broken-off training goes on when started
-again; in the background: nohup python benchmarks/train_networks.py DATA OUT > train.log 2>&1 &
+DATA is the folder with kitti_raw_0005 and the others of DRIVES, unpacked; towns are simulated. --leave-out 0005 makes
+weights that this drive can be measured with. A broken-off training goes on when started again; in the background:
+nohup python benchmarks/train_networks.py DATA OUT > train.log 2>&1 &
 
 Raw drives first get poses from our own odometry: with them neighbouring scans agree better with the scan itself than
 with OXTS (0005: 95 % of the depths within 1.7 instead of 3.2 %). KITTI odometry 04 is for tests alone.
@@ -25,11 +26,13 @@ from enrichment.training.samples import Source, source
 from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 
-RAW = "2011_09_26/2011_09_26_drive_{}_sync"
-RAW_DRIVES = {number: f"kitti_raw_{number}/{RAW.format(number)}" for number in ("0005", "0013")}
+RAW = "kitti_raw_{0}/2011_09_26/2011_09_26_drive_{0}_sync"
+RAW_DRIVES = ("0005", "0013")
 MINI = "kitti_odometry_mini/sequences/{}"
-TRAINING = ("kitti_stereo2015/sequences/stereo2015", *(MINI.format(name) for name in ("00", "03", "05")))
+SINGLE = ("kitti_stereo2015/sequences/stereo2015", *(MINI.format(name) for name in ("00", "03", "05")))
 VALIDATION = tuple(MINI.format(name) for name in ("07", "08", "10"))
+TOWNS = (("loop", 11), ("straight", 12), ("jam", 13))  # drive and seed: another town each
+TOWN_FRAMES = 40
 TEST = "KITTI odometry 04"
 
 
@@ -54,46 +57,60 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--full", action="store_true", help="full resolution, for a GPU")
     parser.add_argument("--model", action="append", help="only this one; may be given several times")
+    parser.add_argument("--leave-out", choices=RAW_DRIVES, help="a drive that the weights shall not see")
     arguments = parser.parse_args()
     size, out = FULL if arguments.full else HALF, arguments.out
     try:
-        training = pack(
-            out / "training.npz", raw_drives(arguments.data, out, size.scale), arguments.data, TRAINING, size
-        )
-        validation = pack(out / "validation.npz", [], arguments.data, VALIDATION, size)
+        training, validation = packs(arguments.data, out, size)
     except InputError as error:
         sys.exit(f"Error: {error}")
+    training.pop(arguments.leave_out, None)
+    folder = out / (f"without-{arguments.leave_out}" if arguments.leave_out else "all")
     for model in arguments.model or size.steps:
-        train(model, training, validation, out / model, size)
+        train(model, list(training.values()), validation, folder / model, size)
 
 
-def raw_drives(data: Path, out: Path, scale: float) -> list[Source]:
-    """The raw drives with the poses of our odometry, which is run where that has not been done."""
-    sources = []
-    for number, path in RAW_DRIVES.items():
-        run = out / "runs" / number
-        if not (run / "odometry_kitti.txt").is_file():
-            lidarlift("run", data / path, "--out", run)
-        sources.append(source(open_dataset(data / path), run / "odometry_kitti.txt", scale))
-    return sources
+def packs(data: Path, out: Path, size: Size) -> tuple[dict[str, Path], Path]:
+    """The files to train on, by what is in them, and the one to validate on. Raises InputError as `pack` does."""
+    training = {number: pack(out / f"{number}.npz", [raw_drive(data, out, number, size)]) for number in RAW_DRIVES}
+    training["single frames"] = pack(out / "single.npz", sources(data, SINGLE, size))
+    training["towns"] = pack(out / "towns.npz", [town(out, *each, size) for each in TOWNS])
+    return training, pack(out / "validation.npz", sources(data, VALIDATION, size))
 
 
-def pack(path: Path, first: Sequence[Source], data: Path, others: Sequence[str], size: Size) -> Path:
+def raw_drive(data: Path, out: Path, number: str, size: Size) -> Source:
+    """A raw drive with the poses of our odometry, which is run where that has not been done."""
+    run, path = out / "runs" / number, data / RAW.format(number)
+    if not (run / "odometry_kitti.txt").is_file():
+        lidarlift("run", path, "--out", run)
+    return source(open_dataset(path), run / "odometry_kitti.txt", size.scale)
+
+
+def town(out: Path, drive: str, seed: int, size: Size) -> Source:
+    folder = out / "towns" / drive
+    lidarlift("simulate", folder, "--drive", drive, "--seed", seed, "--frames", TOWN_FRAMES, "--with-depth")
+    return source(open_dataset(folder), None, size.scale)
+
+
+def sources(data: Path, paths: Sequence[str], size: Size) -> list[Source]:
+    return [source(open_dataset(data / path), None, size.scale, neighbours=0) for path in paths]
+
+
+def pack(path: Path, drives: Sequence[Source]) -> Path:
     """A file with these drives. Raises InputError where one of them is for tests."""
-    sources = [*first, *(source(open_dataset(data / name), None, size.scale, neighbours=0) for name in others)]
-    names = [of.data.name for of in sources]
+    names = [of.data.name for of in drives]
     if TEST in names:
         raise InputError(f"{TEST} is for tests alone; neither weights nor their choice may depend on it")
-    found: Pack = packed(path, sources)
+    found: Pack = packed(path, drives)
     print(f"{path}: {len(found)} frames of {', '.join(names)}, {path.stat().st_size / 1e6:.1f} MB", flush=True)
     return path
 
 
-def train(model: str, training: Path, validation: Path, out: Path, size: Size) -> None:
+def train(model: str, training: Sequence[Path], validation: Path, out: Path, size: Size) -> None:
     """One network, from where it was broken off."""
     resume = ("--resume",) if (out / "checkpoint.safetensors").exists() else ()
     lidarlift(
-        "train", model, training, "--validate", validation, "--out", out, "--scale", size.scale, *size.options,
+        "train", model, *training, "--validate", validation, "--out", out, "--scale", size.scale, *size.options,
         "--steps", size.steps[model], *resume,
     )  # fmt: skip
 
