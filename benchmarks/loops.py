@@ -3,9 +3,9 @@
     python benchmarks/loops.py TRAJECTORIES
 
 drives the town's loop and the ways of KITTI 05, 06 and 07 (TRAJECTORIES/kitti_05_ground_truth.txt ..), LiDAR only,
-simulated once into the user's cache, at 64 and at 16 channels; writes the loops section of benchmarks/RESULTS.md,
-benchmarks/loops.json and, beside it, precision and recall as a picture. Where the odometry is off by less than 0.5 m
-when it first comes back, seeded drift is added.
+simulated once into the user's cache, at 64 and at 16 channels and with these enriched; writes the loops section of
+benchmarks/RESULTS.md, benchmarks/loops.json and, beside it, precision and recall as a picture. Where the odometry is
+off by less than 0.5 m when it first comes back, seeded drift is added.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ import numpy as np
 from report import number, surroundings, table, write_section
 from revisits import WRONG, as_recorded, draw_detection, drifting, loop_figures, revisits
 
-from eval.evaluation import write_json
+from eval.evaluation import evaluate, write_json
 from eval.trajectory import distances
+from slam.cli.front_ends import front_end_for
 from slam.config import load_config
 from slam.data import se3
 from slam.data.dataset import Dataset, open_dataset
@@ -34,10 +35,12 @@ HERE = Path(__file__).parent
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarlift" / "benchmarks"
 SPACING = 1.5  # m between frames
 NEAR, AGO = 4.0, 100.0  # m, and m of way: what is a revisit
+INPUTS = ("64", "16", "enriched")
+SWEEP_MS = 100  # a frame of the LiDAR
 SMALL = 0.5  # m: less than that at the first revisit, and drift is added
 HEADER = (
-    "drive", "channels", "frames", "drift", "ATE before m", "after m", "times less",
-    "revisits", "found", "recall", "loops", "wrong", "worst m", "seconds",
+    "drive", "channels", "frames", "own ATE m", "drift", "ATE before m", "after m", "times less",
+    "in height m", "with true loops m", "revisits", "found", "recall", "loops", "wrong", "worst m", "seconds", "waiting ms",
 )  # fmt: skip
 
 
@@ -52,7 +55,7 @@ def main() -> None:
     try:
         for name in arguments.drives:
             data = simulated(name, arguments.trajectories)
-            for channels in ("64", "16"):
+            for channels in INPUTS:
                 rows.append(measured(name, data, channels))
                 print({key: value for key, value in rows[-1].items() if key != "detection"}, file=sys.stderr)
     except InputError as error:
@@ -60,10 +63,7 @@ def main() -> None:
     about = surroundings(("numpy", "numba", "gtsam"))
     write_json(arguments.json, {"about": about, "drives": rows})
     write_section(arguments.out, "loops", section(rows, about))
-    runs = {
-        drive: {f"{row['channels']} channels": row for row in rows if row["drive"] == drive}
-        for drive in arguments.drives
-    }
+    runs = {drive: {str(row["channels"]): row for row in rows if row["drive"] == drive} for drive in arguments.drives}
     draw_detection(runs, arguments.json.with_suffix(".png"))
 
 
@@ -83,13 +83,16 @@ def measured(name: str, data: Dataset, channels: str) -> dict[str, Any]:
     truth = data.ground_truth
     assert truth is not None
     begin = time.perf_counter()
-    run = Pipeline(config).run(data)
+    pipeline = Pipeline(config, front_end_for(config.front_end, data))
+    run = pipeline.run(data)
     seconds = time.perf_counter() - begin
+    waiting = float(np.mean([record.milliseconds["waiting"] for record in run.records]))
+    own = evaluate(run.odometry_poses, truth)["ate"]["aligned"]["rmse"]
     first = revisits(truth, distances(truth), NEAR, AGO)[0]
     off = np.linalg.norm((se3.inverse(truth[first]) @ run.odometry_poses[first])[:3, 3])
     drifted = bool(off < SMALL)
     if drifted:
-        run = Pipeline(config).run(data, recorded=as_recorded(data.stamps, drifting(run.odometry_poses)))
+        run = pipeline.run(data, recorded=as_recorded(data.stamps, drifting(run.odometry_poses)))
     assert run.mapping is not None
     places = truth[run.mapping.keyframes.indices]
     return {
@@ -98,16 +101,21 @@ def measured(name: str, data: Dataset, channels: str) -> dict[str, Any]:
         "frames": len(data),
         "drift added": drifted,
         "seconds": seconds,
+        "waiting_ms": waiting,
+        "own_ate": own,
     } | loop_figures(run, truth, revisits(places, distances(places), NEAR, AGO), NEAR)
 
 
 def section(rows: list[dict[str, Any]], about: dict[str, object]) -> str:
     lines = [
         (
-            str(row["drive"]), str(row["channels"]), str(row["frames"]), "added" if row["drift added"] else "its own",
+            str(row["drive"]), str(row["channels"]), str(row["frames"]), number(row["own_ate"], 3),
+            "added" if row["drift added"] else "its own",
             number(row["ate_before"], 3), number(row["ate_after"], 3), number(row["ate_before"] / row["ate_after"], 1),
+            number(row["height_after"], 3), number(row["ate_true_loops"], 3),
             str(row["revisits"]), str(row["found"]), number(row["found"] / max(row["revisits"], 1), 2),
             str(row["loops"]), str(row["wrong"]), number(row["worst"], 2), number(row["seconds"], 0),
+            number(row["waiting_ms"], 1),
         )
         for row in rows
     ]  # fmt: skip
@@ -117,14 +125,44 @@ def section(rows: list[dict[str, Any]], about: dict[str, object]) -> str:
 
 * The town's loop and towns along the ways of KITTI 05, 06 and 07, {SPACING} m between frames, LiDAR only, exact truth.
 * ATE: rmse after SE(3) alignment, of all frames, before and after loops. Drift: where the odometry is off by less than
-  {SMALL} m at the first revisit, 1 % of the way and 1 deg per 100 m are added to it.
+  {SMALL} m at the first revisit, 1 % of the way and 1 deg per 100 m are added to it; own ATE is that without.
 * Revisits: keyframes within {NEAR:g} m of one more than {AGO:g} m of way before, in whatever direction. Found: those
   with an accepted loop. Wrong: loops that are off by more than {WRONG:g} m; worst: by how much the worst is off.
 * Precision and recall of the descriptors alone (each keyframe's first candidate, over the threshold on the distance;
   right is within {NEAR:g} m) and after verification: loops.png.
-* Seconds: the whole run with our odometry, map included, on a machine that is not quiet.
+* In height: what is left of the ATE after loops, along the vertical alone. With true loops: the ATE after loops if the
+  same loops were put just where the truth has them; no way to verify or weigh them can do better.
+* Seconds: the whole run with our odometry, map included, on a machine that is not quiet. Waiting: how long a frame the
+  odometry stands still for keyframes, loops and graph behind it, in the mean; that happens where these fall 20 scans
+  behind, as scans read from a disk come faster than a LiDAR's 100 ms.
 
-{table(HEADER, lines, words=2)}"""
+{table(("target", "figure", "limit", "verdict"), targets(rows))}
+{table(HEADER, lines, words=2)}
+At 16 channels the odometry hardly sees pitch and roll, and what it drifts by is height. Loops tie both ends of a way to
+each other; how the way bends up and down between them they do not show: put where the truth has them, they leave the
+same ATE. The remedy is enriched input, whose odometry does not bend so: compare the column "own ATE".
+"""
+
+
+def targets(rows: list[dict[str, Any]]) -> list[tuple[str, str, str, str]]:
+    """What was aimed at, the worst figure of all drives, the limit, and whether it is met."""
+    lines = []
+    for channels in INPUTS:
+        some = [row for row in rows if row["channels"] == channels]
+        least = min(row["ate_before"] / row["ate_after"] for row in some)
+        recall = min(row["found"] / max(row["revisits"], 1) for row in some)
+        enough = 0.9 if channels == "64" else 0.8
+        lines += [
+            (f"{channels}: ATE, times less after loops", number(least, 1), ">= 3", _verdict(least >= 3)),
+            (f"{channels}: recall of revisits", number(recall, 2), f">= {enough}", _verdict(recall >= enough)),
+        ]
+    wrong, waiting = sum(row["wrong"] for row in rows), max(row["waiting_ms"] for row in rows)
+    lines.append(("wrong loops in the graph", str(wrong), "0", _verdict(wrong == 0)))
+    return [*lines, ("waiting [ms a frame]", number(waiting, 1), f"<= {SWEEP_MS}", _verdict(waiting <= SWEEP_MS))]
+
+
+def _verdict(met: bool) -> str:
+    return "met" if met else "missed"
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping as Table
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
+from eval.alignment import alignment_transform
 from eval.evaluation import evaluate
 from slam.data import se3
 from slam.data.atomic import written_beside
 from slam.data.cloud import Array
 from slam.data.pose_files import tum_text
-from slam.graph.ledger import LoopRecord
+from slam.graph.back_end import BackEnd
+from slam.graph.ledger import LoopCandidate, LoopRecord
 from slam.pipeline import Run
 from slam.recorded_odometry import RecordedOdometry
 
@@ -69,13 +72,39 @@ def loop_figures(run: Run, truth: Array, asked: Sequence[int], near: float) -> d
         float(np.linalg.norm((se3.inverse(loop.pose) @ se3.inverse(places[loop.i]) @ places[loop.j])[:3, 3]))
         for loop in loops
     ]
-    before, after = (evaluate(poses, truth)["ate"]["aligned"]["rmse"] for poses in (run.odometry_poses, run.poses))
+    trajectories = (run.odometry_poses, run.poses, with_true_loops(run, truth))
+    before, after, ideal = (evaluate(poses, truth)["ate"]["aligned"]["rmse"] for poses in trajectories)
     return {
-        "ate_before": before, "ate_after": after, "revisits": len(asked),
+        "ate_before": before, "ate_after": after, "ate_true_loops": ideal,
+        "height_after": height_error(run.poses, truth), "revisits": len(asked),
         "found": len(set(asked) & {loop.j for loop in loops}), "loops": len(loops),
         "wrong": sum(error > WRONG for error in errors), "worst": max(errors, default=0.0),
         "candidates": len(mapping.ledger), "detection": detection(mapping.ledger, places, asked, near),
     }  # fmt: skip
+
+
+def with_true_loops(run: Run, truth: Array) -> Array:
+    """Poses (N, 4, 4) if the run's loops were just where the truth has them: the best that these loops can do."""
+    mapping = run.mapping
+    assert mapping is not None
+    if mapping.loops == 0:
+        return run.odometry_poses
+    places, back_end = truth[mapping.keyframes.indices], BackEnd()
+    for edge in mapping.graph.edges:
+        if edge.j == edge.i + 1:
+            back_end.add_odometry(edge.pose, edge.covariance)
+        else:
+            true = se3.normalized(se3.inverse(places[edge.i]) @ places[edge.j])
+            back_end.add_loop(LoopCandidate(edge.i, edge.j, true), edge.covariance)
+    back_end.settle()
+    poses = mapping.keyframes.poses[0] @ back_end.poses()
+    return replace(mapping, poses=poses).corrected(run.odometry_poses)
+
+
+def height_error(poses: Array, truth: Array) -> float:
+    """The part of the aligned ATE [m] along the truth's z axis."""
+    transform, _ = alignment_transform(poses, truth, "aligned")
+    return float(np.sqrt(np.mean((transform @ poses - truth)[:, 2, 3] ** 2)))
 
 
 def detection(ledger: Sequence[LoopRecord], places: Array, asked: Sequence[int], near: float) -> dict[str, Any]:

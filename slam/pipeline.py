@@ -28,7 +28,7 @@ from slam.recorded_odometry import RecordedOdometry
 from slam.settings import Config
 
 HISTORY = 5  # past clouds that a front end is shown
-STAGES = ("load", "front_end", "odometry")  # of a frame; the mapper has its own
+STAGES = ("load", "front_end", "odometry", "waiting")  # of a frame, the last for the mapper; this has its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +138,7 @@ class Pipeline:
                 step = odometry.register(timed, frame.stamp)
                 clock.lap("odometry")
                 mapper.add(position, frame, cloud, step)
+                clock.lap("waiting")
                 past.append((cloud, step.pose))
 
                 inliers = step.registration.inlier_ratio if step.registration else float("nan")

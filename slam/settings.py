@@ -126,7 +126,7 @@ class LoopSettings(Settings):
 
     enabled: bool = True  # false: odometry alone
     candidates: int = Field(5, ge=1)  # places that are registered at most, most alike first: the first may lie 5 m off
-    max_distance: float = Field(0.4, ge=0, le=1)  # of descriptors; 95 % of true first candidates lie below 0.28
+    max_distance: float = Field(0.45, ge=0, le=1)  # of descriptors; 95 % of true first candidates lie below 0.28
     scan_context: ScanContextSettings = ScanContextSettings()
     verification: VerificationSettings = VerificationSettings()
 
