@@ -40,7 +40,8 @@ SWEEP_MS = 100  # a frame of the LiDAR
 SMALL = 0.5  # m: less than that at the first revisit, and drift is added
 HEADER = (
     "drive", "channels", "frames", "own ATE m", "drift", "ATE before m", "after m", "times less",
-    "in height m", "with true loops m", "revisits", "found", "recall", "loops", "wrong", "worst m", "seconds", "waiting ms",
+    "in height m", "with true loops m", "revisits", "found", "recall", "loops", "wrong", "worst m",
+    "seconds", "waiting ms",
 )  # fmt: skip
 
 
