@@ -18,7 +18,7 @@ from typing import Any
 
 from report import number, surroundings, table, write_section
 
-from enrichment.methods import METHODS, NETWORK_METHODS, make_methods
+from enrichment.methods import NETWORK_METHODS, make_methods, runnable
 from enrichment.network_method import ImageNetwork
 from enrichment.networks.registry import NETWORKS
 from enrichment.sparse_scan import Method
@@ -60,10 +60,10 @@ def main() -> None:
 
 def methods_for(data: Dataset, folders: Mapping[str, str]) -> dict[str, Method]:
     """All methods, the networks with weights that have not seen the drive."""
-    methods = make_methods(METHODS)
+    methods = make_methods(runnable())
     for name, folder in folders.items():
         if data.name.endswith(name):
-            methods |= {network: ImageNetwork(network, Path(folder)) for network in NETWORK_METHODS}
+            methods |= {network: ImageNetwork(weights, Path(folder)) for network, weights in NETWORK_METHODS.items()}
     return methods
 
 
@@ -76,7 +76,8 @@ def targets(reports: Mapping[str, Any]) -> Iterable[tuple[str, ...]]:
             yield _target(
                 drive, "joint in the image, MAE [mm]: below ray-segment and Delaunay", image["joint"]["mae_mm"], best
             )
-            yield _target(drive, "f2l in the image, MAE [mm]", image["f2l"]["mae_mm"], 600)
+            if "f2l" in image:
+                yield _target(drive, "f2l in the image, MAE [mm]", image["f2l"]["mae_mm"], 600)
         if drive.startswith(RAW):
             plain = full["ray-segment"]
             yield _target(
@@ -110,7 +111,9 @@ def rows(report: Mapping[str, Any], view: str) -> list[Sequence[str]]:
 
 
 def section(reports: Mapping[str, Any], about: Mapping[str, Any]) -> str:
-    sizes = {name: sum(values.numel() for values in NETWORKS[name]().parameters()) for name in NETWORK_METHODS}
+    sizes = {
+        name: sum(values.numel() for values in NETWORKS[net]().parameters()) for name, net in NETWORK_METHODS.items()
+    }
     networks = [(name, f"{sizes[name]:,}", *(str(value) for value in PAPER[name])) for name in NETWORK_METHODS]
     tables = "\n".join(
         f"### {report['about']['title']}\n\n"

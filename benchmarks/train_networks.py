@@ -45,7 +45,9 @@ class Size:
     steps: dict[str, int]
 
 
-HALF = Size(0.5, ("--crop", "160x304", "--batch", "4", "--device", "cpu"), {"l2l": 600, "li2l": 1000, "f2l-light": 700})
+HALF = Size(
+    0.5, ("--crop", "160x304", "--batch", "2", "--device", "cpu", "--bf16"), {"l2l": 800, "li2l": 900, "f2l-light": 900}
+)
 FULL = Size(
     1.0, ("--crop", "352x1216", "--batch", "8", "--device", "auto"), {"l2l": 10000, "li2l": 10000, "f2l": 10000}
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from importlib import resources
 from importlib.resources.abc import Traversable
+from importlib.util import find_spec
 
 import cv2
 import numpy as np
@@ -18,6 +19,10 @@ from slam.data.cloud import Array
 WEIGHTS = resources.files("enrichment") / "weights"  # NAME.onnx, as enrichment.networks.export writes them
 
 log = logging.getLogger(__name__)
+
+
+def has_weights(name: str, folder: Traversable = WEIGHTS) -> bool:
+    return (folder / f"{name}.onnx").is_file() and find_spec("onnxruntime") is not None
 
 
 class ImageNetwork(DepthCompletion):

@@ -54,6 +54,7 @@ def _trainer(training: Training, device: str) -> lightning.Trainer:
     try:
         return lightning.Trainer(
             accelerator=device,
+            precision="bf16-mixed" if training.plan.bf16 else "32-true",
             max_epochs=-(-(training.plan.steps - training.step) // training.plan.look),
             reload_dataloaders_every_n_epochs=1,
             num_sanity_val_steps=0,
@@ -124,7 +125,7 @@ class Training(lightning.LightningModule):
             group["lr"] = self.plan.rate_at(self.step)
 
     def training_step(self, batch: Example, batch_idx: int) -> Tensor:
-        loss = depth_loss(self.network(batch.image, batch.depth), batch.target)
+        loss = depth_loss(self.network(batch.image, batch.depth).float(), batch.target)
         self.log("loss", loss)
         self.log("step", float(self.step))  # of the loggers: Lightning's own starts at 0 when resumed
         return loss
@@ -135,7 +136,7 @@ class Training(lightning.LightningModule):
             self.on_step(float(self.trainer.callback_metrics["loss"]))
 
     def validation_step(self, batch: Example, batch_idx: int) -> None:
-        mae, rmse = errors(self.network(batch.image, batch.depth), batch)
+        mae, rmse = errors(self.network(batch.image, batch.depth).float(), batch)
         self.log_dict({"mae": mae, "rmse": rmse, "step": float(self.step)}, sync_dist=True)
 
     def on_train_epoch_end(self) -> None:

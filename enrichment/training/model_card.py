@@ -28,7 +28,8 @@ target has the returns of all rings.
 
     {command}
 
-Step {step} of {steps}, {batch} crops of {height}x{width} a step, AdamW, learning rate up to {rate:g}, seed {seed}.
+Step {step} of {steps}, {batch} crops of {height}x{width} a step, AdamW, learning rate up to {rate:g}, seed {seed},
+{precision}.
 
 ## Figures
 
@@ -67,6 +68,7 @@ def model_card(
         width=plan.crop[1],
         rate=RATES.get(plan.model, RATE),
         seed=plan.seed,
+        precision="convolutions in bfloat16" if plan.bf16 else "float32",
         figures=_figures(best, _drives(validation)),
         licence=NON_COMMERCIAL if any(drive.licence == KITTI for drive, _ in used) else OTHER,
     )

@@ -20,6 +20,7 @@ class Plan:
     batch   examples a step
     look    steps from one validation and checkpoint to the next (after each the best weights so far are kept)
     seed    of the first weights, the examples and dropout
+    bf16    convolutions in bfloat16, weights and loss in float32: up to three times as fast where the processor has it
     """
 
     model: str
@@ -28,6 +29,7 @@ class Plan:
     batch: int = 4
     look: int = 200
     seed: int = 0
+    bf16: bool = False
 
     def rate_at(self, step: int) -> float:
         """AdamW's learning rate at step 0, 1, ...: it rises for WARM_UP steps and falls to 0 along a cosine."""

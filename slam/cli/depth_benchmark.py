@@ -51,11 +51,11 @@ def depth_benchmark(
     if is_depth_map_folder(dataset):
         report = _of_depth_maps(dataset, chosen, method)
     else:
-        from enrichment.methods import METHODS, make_methods
+        from enrichment.methods import make_methods, runnable
         from slam.data.dataset import open_dataset
 
         report = report_of_drive(
-            open_dataset(dataset, sequence, sensor), make_methods(method or METHODS), chosen, phase
+            open_dataset(dataset, sequence, sensor), make_methods(method or runnable()), chosen, phase
         )
     write_json(out / "depth.json", report)
     written = ["depth.json"]

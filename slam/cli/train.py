@@ -58,6 +58,7 @@ def train(
     crop: Annotated[str, typer.Option(help="Height and width of an example, at --scale.")] = "160x304",
     scale: Annotated[float, typer.Option(min=0.1, max=1.0, help="Of the images.")] = 0.5,
     seed: Annotated[int, typer.Option(min=0, help="Of the first weights, the examples and dropout.")] = 0,
+    bf16: Annotated[bool, typer.Option("--bf16", help="Half precision: faster where the processor has it.")] = False,
 ) -> None:
     """Train a network for depth on drives: it sees some rings of a scan, and the others' returns are the answers.
 
@@ -89,7 +90,7 @@ def train(
     held_out = _packs(validate or [], [], out / "validation.npz", scale, neighbours=0)
     require_crop(packs, size)
     count = sum(len(one) for one in packs)
-    plan = Plan(model, steps or -(-count * (epochs or EPOCHS) // batch), size, batch, seed=seed)
+    plan = Plan(model, steps or -(-count * (epochs or EPOCHS) // batch), size, batch, seed=seed, bf16=bf16)
     _train(plan, packs, held_out, out, device.value, resume)
 
 

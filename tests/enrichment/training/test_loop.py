@@ -58,6 +58,19 @@ def test_the_seed_decides(pack: Pack, tmp_path: Path, tiny: Known) -> None:
     assert not equal(first, trained(replace(plan, seed=1), pack, tmp_path / "c", validate=False))
 
 
+def test_half_precision_is_near_the_whole(pack: Pack, tmp_path: Path, tiny: Known) -> None:
+    tiny()
+    plan = replace(PLAN, steps=2)
+    whole = trained(plan, pack, tmp_path / "whole")
+    half = trained(replace(plan, bf16=True), pack, tmp_path / "half")
+    assert not equal(whole, half)
+    for name, weights in half.weights.items():
+        assert weights.dtype == whole.weights[name].dtype
+        torch.testing.assert_close(weights, whole.weights[name], atol=0.02, rtol=0.05)
+    with pytest.raises(InputError, match="another bf16"):
+        trained(plan, pack, tmp_path / "half", resume=True)
+
+
 def test_what_is_left_behind(pack: Pack, tmp_path: Path, tiny: Known, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("enrichment.training.loop.LOG_EVERY", 1)
     tiny()
