@@ -3,9 +3,29 @@
 from __future__ import annotations
 
 import os
+from enum import StrEnum
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from slam.data.errors import InputError
+
+
+class Enricher(StrEnum):
+    RAY_SEGMENT = "ray-segment"
+    JOINT = "joint"
+    L2L = "l2l"
+    LI2L = "li2l"
+    F2L = "f2l"
+
+
+EnricherOption = Annotated[
+    Enricher | None,
+    typer.Option(
+        "--enricher", help="What fills in: ray-segment, the default; joint, with the image; or a network of the paper."
+    ),
+]
 
 
 def frame_slice(text: str) -> slice:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slam.cli.arguments import frame_slice, require_writable
+from slam.cli.arguments import EnricherOption, frame_slice, require_writable
 from slam.cli.run_folder import run_into
 from slam.config import load_config, preset_names
 
@@ -22,6 +22,7 @@ INPUTS = ("16", "enriched", "64")
 def compare(
     dataset: Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")],
     sequence: Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")] = None,
+    enricher: EnricherOption = None,
     config: Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")] = None,
     frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
@@ -41,7 +42,7 @@ def compare(
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
 
     def settings(channels: str) -> Config:
-        return load_config(config, set_ or (), input=channels)
+        return load_config(config, set_ or (), input=channels, enricher=enricher and enricher.value)
 
     compare_into(folder, data, inputs_of(data), settings, frame_slice(frames), strict=strict)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from slam.cli.arguments import frame_slice, require_writable
+from slam.cli.arguments import EnricherOption, frame_slice, require_writable
 from slam.cli.console import progress
 from slam.cli.front_ends import front_end_for
 from slam.config import load_config
@@ -31,6 +31,7 @@ def enrich(
     format: Annotated[
         Format, typer.Option(help="bin: x y z intensity, as KITTI; pcd and ply: ring, sigma and measured as well.")
     ] = Format.PCD,
+    enricher: EnricherOption = None,
     config: Annotated[str | None, typer.Option(help="A YAML file with settings.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: front_end.coverage=0.8")] = None,
     frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
@@ -47,7 +48,7 @@ def enrich(
 
     require_writable(out)
     data = open_dataset(dataset, sequence, sensor)
-    settings = load_config(config, set_ or (), input="enriched").front_end
+    settings = load_config(config, set_ or (), input="enriched", enricher=enricher and enricher.value).front_end
     front_end = front_end_for(settings, data)
     positions = range(len(data))[frame_slice(frames)]
     if len(positions) == 0:

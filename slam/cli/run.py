@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from slam.cli.arguments import frame_slice
+from slam.cli.arguments import EnricherOption, frame_slice
 from slam.cli.run_folder import run_into
 from slam.config import load_config, preset_names
 from slam.data.errors import InputError
@@ -27,6 +27,7 @@ def run(
         Input | None,
         typer.Option(help="64: the scan as recorded; 16: rings dropped; enriched: 16, the rest filled in."),
     ] = None,
+    enricher: EnricherOption = None,
     config: Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")] = None,
     frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
@@ -53,7 +54,9 @@ def run(
     if few_rings and input is Input.SIXTY_FOUR:
         raise InputError(f"{dataset}: its sensor has no 64 rings; leave --input out")
     channels = input.value if input else "16" if few_rings else None
-    settings = load_config(config, set_ or (), input=channels)
+    settings = load_config(config, set_ or (), input=channels, enricher=enricher and enricher.value)
+    if enricher and settings.front_end.input != "enriched":
+        raise InputError(f"--enricher {enricher.value}: nothing is filled in here; add --input enriched")
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{settings.front_end.input}"
 
     metrics = run_into(folder, data, settings, frame_slice(frames), odometry=odometry, strict=strict)

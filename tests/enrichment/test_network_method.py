@@ -22,6 +22,7 @@ from enrichment.networks.registry import NETWORKS
 from enrichment.ray_segment import RaySegment
 from enrichment.rays import Prediction, RayGrid
 from enrichment.sparse_scan import SparseScan
+from slam.cli.arguments import Enricher
 from slam.data.camera import project
 from slam.data.cloud import Array, Calibration
 from slam.settings import FrontEndSettings
@@ -139,7 +140,9 @@ def test_what_is_no_depth_stays_none_in_all_its_pixels() -> None:
 
 
 def test_every_enricher_that_can_be_set_is_there() -> None:
-    assert set(get_args(FrontEndSettings.model_fields["enricher"].annotation)) <= set(METHODS)
+    names = get_args(FrontEndSettings.model_fields["enricher"].annotation)
+    assert set(names) <= set(METHODS)
+    assert set(names) == {enricher.value for enricher in Enricher}
 
 
 def test_torch_is_for_training_alone() -> None:

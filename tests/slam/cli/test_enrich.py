@@ -46,3 +46,14 @@ def test_coverage(lidarlift: Command, street_drive: Callable[..., Path]) -> None
 
 def test_no_frames(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     lidarlift("enrich", street_drive(), "--out", "e", "--frames", "50:60").refused("no frames in that range")
+
+
+def test_a_network_without_an_image_gives_way_and_says_so(
+    lidarlift: Command, street_drive: Callable[..., Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    path = street_drive()
+    result = lidarlift("enrich", path, "--out", "f", "--frames", "0:2", "--enricher", "f2l")
+    assert result.code == 0, result.err
+    assert caplog.text.count("ray-segment interpolation takes its place") == 1
+    lidarlift("enrich", path, "--out", "r", "--frames", "0:2")
+    assert Path("f/000001.pcd").read_bytes() == Path("r/000001.pcd").read_bytes()

@@ -247,3 +247,9 @@ def test_a_process_that_is_stopped_as_it_optimises(street_drive: Drive, tmp_path
 
 def test_messages_are_printed_as_they_are(lidarlift: Command) -> None:
     lidarlift("run", "drives:b:4").refused("drives:b:4: no such folder")
+
+
+def test_an_enricher_needs_something_to_enrich(lidarlift: Command, street_drive: Drive) -> None:
+    lidarlift("run", street_drive(), "--enricher", "joint", "--out", "r").refused(
+        "--enricher joint", "--input enriched"
+    )
