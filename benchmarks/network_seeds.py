@@ -1,0 +1,81 @@
+"""Is F2L better than L2L and LI2L, as the paper has it? Each with the same small budget, from three seeds.
+
+    python benchmarks/network_seeds.py OUT
+
+trains on what benchmarks/train_networks.py has packed in OUT, but for drive 0005, and validates on the same frames;
+writes the network-seeds section of benchmarks/RESULTS.md and benchmarks/network_seeds.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from report import number, surroundings, table, write_section
+from train_networks import HALF, lidarlift
+
+from enrichment.training.checkpoint import BEST, CHECKPOINT, read_checkpoint
+from eval.evaluation import write_json
+
+HERE = Path(__file__).parent
+PACKS = ("0013.npz", "single.npz", "towns.npz")
+VALIDATION = "validation.npz"
+SEEDS, STEPS = (0, 1, 2), 150
+HEADER = (
+    "network", *(f"MAE mm, seed {seed}" for seed in SEEDS), "mean", "spread",
+    *(f"RMSE mm, seed {seed}" for seed in SEEDS), "mean", "spread",
+)  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, metavar="OUT")
+    parser.add_argument("--out", type=Path, default=HERE / "RESULTS.md", metavar="FILE")
+    parser.add_argument("--json", type=Path, default=HERE / "network_seeds.json", metavar="FILE")
+    arguments = parser.parse_args()
+    figures = {model: [trained(arguments.folder, model, seed) for seed in SEEDS] for model in HALF.steps}
+    about = surroundings(("torch", "lightning"))
+    write_json(arguments.json, {"about": about, "steps": STEPS, "networks": figures})
+    write_section(arguments.out, "network-seeds", section(figures, about))
+
+
+def trained(folder: Path, model: str, seed: int) -> dict[str, float]:
+    """MAE and RMSE [m] on the validation's frames after STEPS steps."""
+    out = folder / "seeds" / f"{model}-{seed}"
+    resume = ("--resume",) if (out / CHECKPOINT).exists() else ()
+    lidarlift(
+        "train", model, *(folder / name for name in PACKS), "--validate", folder / VALIDATION, "--out", out,
+        "--scale", HALF.scale, *HALF.options, "--steps", STEPS, "--seed", seed, *resume,
+    )  # fmt: skip
+    best = read_checkpoint(out / BEST).best
+    assert best is not None
+    return {"mae": best.mae, "rmse": best.rmse}
+
+
+def section(figures: Mapping[str, Sequence[Mapping[str, float]]], about: Mapping[str, Any]) -> str:
+    lines = []
+    for model, runs in figures.items():
+        cells = []
+        for name in ("mae", "rmse"):
+            values = 1000 * np.array([run[name] for run in runs])
+            cells += [*(number(value, 0) for value in values), number(values.mean(), 0), number(np.ptp(values), 0)]
+        lines.append((model, *cells))
+    options = " ".join(HALF.options)
+    return f"""## The paper's networks, from three seeds
+
+{about["date"]}, {about["cpu"]}. `python benchmarks/network_seeds.py OUT`
+
+* Each {STEPS} steps ({options}, at scale {HALF.scale:g}) on drive 0013, single frames of KITTI odometry and
+  stereo 2015, and three simulated towns; figures on 12 frames of KITTI odometry 07, 08 and 10, at returns off the kept rings. A seed
+  decides on first weights, order of the examples, crops and dropout. Spread: largest less smallest.
+* A small budget, less than one pass over the frames: it tells how fast each learns, not where each ends. The paper's
+  order is F2L far before L2L and LI2L, after training on 1730 frames.
+
+{table(HEADER, lines)}"""
+
+
+if __name__ == "__main__":
+    main()
