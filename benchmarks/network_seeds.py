@@ -69,8 +69,8 @@ def section(figures: Mapping[str, Sequence[Mapping[str, float]]], about: Mapping
 {about["date"]}, {about["cpu"]}. `python benchmarks/network_seeds.py OUT`
 
 * Each {STEPS} steps ({options}, at scale {HALF.scale:g}) on drive 0013, single frames of KITTI odometry and
-  stereo 2015, and three simulated towns; figures on 12 frames of KITTI odometry 07, 08 and 10, at returns off the kept rings. A seed
-  decides on first weights, order of the examples, crops and dropout. Spread: largest less smallest.
+  stereo 2015, and three simulated towns; figures on 12 frames of KITTI odometry 07, 08 and 10, at returns off the kept
+  rings. A seed decides on first weights, order of the examples, crops and dropout. Spread: largest less smallest.
 * A small budget, less than one pass over the frames: it tells how fast each learns, not where each ends. The paper's
   order is F2L far before L2L and LI2L, after training on 1730 frames.
 
