@@ -112,6 +112,22 @@ def test_the_first_scan_is_the_origin(steps: list[OdometryStep]) -> None:
     assert all(step.registration is not None for step in steps[1:])
 
 
+def test_errors_of_the_motion_are_as_large_as_its_covariance_says(steps: list[OdometryStep]) -> None:
+    """Normalised squared error, per degree of freedom: 1 in the mean where it is true."""
+    motions, truths = (se3.inverse(p[:-1]) @ p[1:] for p in (np.array([step.pose for step in steps]), drive(20)))
+    errors = [se3.log(se3.inverse(found) @ true) for found, true in zip(motions, truths, strict=True)]
+    squares = [e @ np.linalg.solve(step.covariance, e) / 6 for e, step in zip(errors[3:], steps[4:], strict=True)]
+    assert 0.3 < np.mean(squares) < 3
+
+
+def test_tilt_that_rings_hide_grows_with_the_root_of_the_way(steps: list[OdometryStep]) -> None:
+    unsure = drive_with(Odometry(settings(unseen_tilt_deg=0.1)), drive(4))
+    for step, sure in zip(unsure[1:], steps[1:4], strict=True):
+        more = np.diag(step.covariance - sure.covariance)
+        np.testing.assert_allclose(np.rad2deg(np.sqrt(more[:2])), 0.1 * np.sqrt(SPEED), rtol=0.05)
+        np.testing.assert_array_equal(more[2:], 0)
+
+
 def test_covariance_of_good_scans_is_small_and_positive(steps: list[OdometryStep]) -> None:
     for step in steps[1:]:
         assert np.linalg.eigvalsh(step.covariance)[0] > 0
