@@ -136,6 +136,7 @@ class PoseGraphSettings(Settings):
 
     rotation_deg: float = Field(0.2, gt=0)  # after one metre; grows with the root of the way: 2 deg after 100 m
     translation: float = Field(0.05, gt=0)  # m after one metre, likewise: 0.5 m after 100 m
+    held_back: float = Field(0.0, ge=0)  # m of way: keyframes are registered anew with what lies so far back; 0: not
 
 
 class Config(Settings):
