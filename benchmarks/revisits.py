@@ -22,11 +22,12 @@ from slam.data.cloud import Array
 from slam.data.pose_files import tum_text
 from slam.graph.back_end import BackEnd
 from slam.graph.ledger import LoopCandidate, LoopRecord
+from slam.graph.pose_graph import odometry_poses
 from slam.pipeline import Run
 from slam.recorded_odometry import RecordedOdometry
 
 WRONG = 3.0  # m that a loop is off by
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # of Okabe and Ito's palette, for colour-blind readers
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")  # Okabe and Ito, for colour-blind readers
 
 
 def revisits(places: Array, since: Array, near: float, ago: float) -> list[int]:
@@ -72,15 +73,24 @@ def loop_figures(run: Run, truth: Array, asked: Sequence[int], near: float) -> d
         float(np.linalg.norm((se3.inverse(loop.pose) @ se3.inverse(places[loop.i]) @ places[loop.j])[:3, 3]))
         for loop in loops
     ]
-    trajectories = (run.odometry_poses, run.poses, with_true_loops(run, truth))
-    before, after, ideal = (evaluate(poses, truth)["ate"]["aligned"]["rmse"] for poses in trajectories)
+    trajectories = (run.odometry_poses, without_loops(run), run.poses, with_true_loops(run, truth))
+    before, anew, after, ideal = (evaluate(poses, truth)["ate"]["aligned"]["rmse"] for poses in trajectories)
     return {
-        "ate_before": before, "ate_after": after, "ate_true_loops": ideal,
+        "ate_before": before, "ate_keyframes": anew, "ate_after": after, "ate_true_loops": ideal,
         "height_after": height_error(run.poses, truth), "revisits": len(asked),
         "found": len(set(asked) & {loop.j for loop in loops}), "loops": len(loops),
         "wrong": sum(error > WRONG for error in errors), "worst": max(errors, default=0.0),
         "candidates": len(mapping.ledger), "detection": detection(mapping.ledger, places, asked, near),
     }  # fmt: skip
+
+
+def without_loops(run: Run) -> Array:
+    """Poses (N, 4, 4) by the graph's odometry alone: where keyframes were registered anew, what that brings."""
+    mapping = run.mapping
+    assert mapping is not None
+    odometry = [edge for edge in mapping.graph.edges if edge.j == edge.i + 1]
+    poses = odometry_poses(odometry, mapping.keyframes.poses[0])
+    return replace(mapping, poses=poses).corrected(run.odometry_poses)
 
 
 def with_true_loops(run: Run, truth: Array) -> Array:
