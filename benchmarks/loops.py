@@ -11,7 +11,6 @@ off by less than 0.5 m when it first comes back, seeded drift is added.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import time
@@ -57,24 +56,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("trajectories", type=Path)
     parser.add_argument("--drives", nargs="+", default=["loop", "05", "06", "07"])
-    parser.add_argument(
-        "--inputs", nargs="+", default=list(INPUTS), choices=list(INPUTS), help="the others' rows stay as they are"
-    )
     parser.add_argument("--out", type=Path, default=HERE / "RESULTS.md", metavar="FILE")
     parser.add_argument("--json", type=Path, default=HERE / "loops.json", metavar="FILE")
     arguments = parser.parse_args()
-    before = json.loads(arguments.json.read_text())["drives"] if arguments.json.exists() else []
-    rows: list[dict[str, Any]] = [row for row in before if row["channels"] not in arguments.inputs]
+    rows: list[dict[str, Any]] = []
     try:
         for name in arguments.drives:
             data = simulated(name, arguments.trajectories)
-            for channels in arguments.inputs:
+            for channels in INPUTS:
                 rows.append(measured(name, data, channels))
                 print({key: value for key, value in rows[-1].items() if key != "detection"}, file=sys.stderr)
     except InputError as error:
         sys.exit(f"error: {error}")
-    rows = [row for row in rows if row["drive"] in arguments.drives]
-    rows.sort(key=lambda row: (arguments.drives.index(row["drive"]), list(INPUTS).index(row["channels"])))
     about = surroundings(("numpy", "numba", "gtsam"))
     write_json(arguments.json, {"about": about, "drives": rows})
     write_section(arguments.out, "loops", section(rows, about))
