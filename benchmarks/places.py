@@ -18,6 +18,7 @@ from slam.loops.scan_context import Candidate, ScanContext, levelled, submap
 from slam.settings import ScanContextSettings
 
 Figures = dict[str, Any]
+TIMED = 200  # queries among many places
 FAR = 10.0  # m: a candidate beyond is somewhere else; between the radius of a revisit and this it is a near miss
 
 
@@ -140,24 +141,46 @@ def _yaw_error(frames: Array, query: int, candidate: Candidate) -> float:
 
 
 def cost(clouds: Sequence[Array], settings: ScanContextSettings, counts: Sequence[int]) -> Figures:
-    """Median time of a query and of an addition with so many places, made of the clouds by stretching them."""
-    rng, places, result = np.random.default_rng(0), ScanContext(settings), {}
+    """Among so many places, made of the clouds by stretching them: median time of a query and of an addition, and the
+    share of places visited again that the exhaustive search puts first, and that the preselected one does."""
+    places, result = ScanContext(settings), {}
     for count in counts:
-        while len(places) < count:
-            places.add(_stretched(rng, clouds), float(len(places)))
         milliseconds = []
-        for _ in range(100):
-            xyz, start = _stretched(rng, clouds), time.perf_counter()
-            places.query(xyz, float(len(places)))
+        while len(places) < count:
+            xyz, start = _stretched(len(places), clouds), time.perf_counter()
+            timed = len(places) >= count - TIMED
+            if timed:
+                places.query(xyz, float(len(places)))
             queried = time.perf_counter()
             places.add(xyz, float(len(places)))
-            milliseconds.append(1000 * np.diff([start, queried, time.perf_counter()]))
+            if timed:
+                milliseconds.append(1000 * np.diff([start, queried, time.perf_counter()]))
         result[str(count)] = dict(zip(("query_ms", "add_ms"), np.median(milliseconds, axis=0).tolist(), strict=True))
+        result[str(count)] |= _recall(places, clouds)
     return result
 
 
-def _stretched(rng: np.random.Generator, clouds: Sequence[Array]) -> Array:
+def _recall(places: ScanContext, clouds: Sequence[Array]) -> Figures:
+    """Of TIMED places, seen again from near by with half of their points: found first, by either search."""
+    rng, found = np.random.default_rng(0), {"recall": 0.0, "recall_exhaustive": 0.0}
+    end = float(len(places)) + places.settings.min_travelled
+    for place in rng.choice(len(places), TIMED, replace=False):
+        xyz = _seen_again(rng, _stretched(int(place), clouds))
+        for name, exhaustive in (("recall", False), ("recall_exhaustive", True)):
+            found[name] += (places.query(xyz, end, exhaustive)[0].index == place) / TIMED
+    return found
+
+
+def _stretched(place: int, clouds: Sequence[Array]) -> Array:
+    rng = np.random.default_rng(place)
     return clouds[rng.integers(len(clouds))] * rng.uniform(0.8, 1.2, 3).astype(np.float32)
+
+
+def _seen_again(rng: np.random.Generator, xyz: Array) -> Array:
+    """Half of the points (N, 3), from up to 2 m beside, turned by any angle."""
+    aside = se3.exp(np.array([0, 0, rng.uniform(-np.pi, np.pi), *rng.uniform(-1.4, 1.4, 2), 0])).astype(np.float32)
+    half = xyz[rng.random(len(xyz)) < 0.5]
+    return half @ aside[:3, :3].T + aside[:3, 3]
 
 
 THINNED: dict[str, Callable[[Sequence[Array]], list[Array]]] = {
