@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +48,7 @@ COUNTS = (2000, 10000)
 def main() -> None:
     arguments = _arguments()
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    about = surroundings(PACKAGES) | {"settings": vars(DEFAULT), "command": _command(arguments)}
+    about = surroundings(PACKAGES) | {"settings": DEFAULT.model_dump(), "command": _command(arguments)}
     results: dict[str, dict[str, Figures]] = {}
     try:
         for folder in arguments.folders:
@@ -74,7 +73,7 @@ def _measure(drive: Drive, thinning: str) -> dict[str, Figures]:
     for name, (clouds, changes) in inputs.items():
         print(f"{len(clouds)} keyframes: {name}", file=sys.stderr)
         flags = {key: value for key, value in changes.items() if key in ("exhaustive", "raw")}
-        settings = replace(DEFAULT, **{key: value for key, value in changes.items() if key not in flags})
+        settings = DEFAULT.model_copy(update={key: value for key, value in changes.items() if key not in flags})
         results[name] = recognise(drive, clouds, settings, **flags)
     return results
 
