@@ -141,13 +141,13 @@ def _yaw_error(frames: Array, query: int, candidate: Candidate) -> float:
 
 
 def cost(clouds: Sequence[Array], settings: ScanContextSettings, counts: Sequence[int]) -> Figures:
-    """Among so many places, made of the clouds by stretching them: median time of a query and of an addition, and the
+    """Among so many places, made of halves of the clouds: median time of a query and of an addition, and the
     share of places visited again that the exhaustive search puts first, and that the preselected one does."""
     places, result = ScanContext(settings), {}
     for count in counts:
         milliseconds = []
         while len(places) < count:
-            xyz, start = _stretched(len(places), clouds), time.perf_counter()
+            xyz, start = _patched(len(places), clouds), time.perf_counter()
             timed = len(places) >= count - TIMED
             if timed:
                 places.query(xyz, float(len(places)))
@@ -165,15 +165,21 @@ def _recall(places: ScanContext, clouds: Sequence[Array]) -> Figures:
     rng, found = np.random.default_rng(0), {"recall": 0.0, "recall_exhaustive": 0.0}
     end = float(len(places)) + places.settings.min_travelled
     for place in rng.choice(len(places), TIMED, replace=False):
-        xyz = _seen_again(rng, _stretched(int(place), clouds))
+        xyz = _seen_again(rng, _patched(int(place), clouds))
         for name, exhaustive in (("recall", False), ("recall_exhaustive", True)):
             found[name] += (places.query(xyz, end, exhaustive)[0].index == place) / TIMED
     return found
 
 
-def _stretched(place: int, clouds: Sequence[Array]) -> Array:
-    rng = np.random.default_rng(place)
-    return clouds[rng.integers(len(clouds))] * rng.uniform(0.8, 1.2, 3).astype(np.float32)
+def _patched(place: int, clouds: Sequence[Array]) -> Array:
+    """A place of its own for each number: the left half of one cloud and the right half of another, each turned."""
+    rng, halves = np.random.default_rng(place), []
+    for side in (1, -1):
+        yaw = rng.uniform(-np.pi, np.pi)
+        turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]], np.float32)
+        xyz = clouds[rng.integers(len(clouds))] @ turn
+        halves.append(xyz[side * xyz[:, 1] > 0])
+    return np.concatenate(halves)
 
 
 def _seen_again(rng: np.random.Generator, xyz: Array) -> Array:
