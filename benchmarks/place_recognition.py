@@ -112,8 +112,9 @@ def _section(results: dict[str, dict[str, Figures]], about: dict[str, Any]) -> s
         for count, of in about["cost"].items()
     ]  # fmt: skip
     parts.append(
-        "\nWith so many places (each half of one cloud and half of another, turned at random). Recall: of 200 of them, seen "
-        "again with half of their points from up to 2 m beside, those that come first; by the exhaustive search beside it.\n"
+        "\nWith so many places, each half of one cloud and half of another, turned at random. Recall: of 200 of them, "
+        "seen again with half of their points from up to 2 m beside, those that come first; by the exhaustive search "
+        "beside it.\n"
     )
     parts.append(table(("places", "ms query", "ms add", "recall", "exhaustive"), rows))
     return "\n".join(parts)
