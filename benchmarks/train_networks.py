@@ -1,6 +1,6 @@
 """The shipped weights: which recordings they were trained on, which were held out, and the commands.
 
-    python benchmarks/train_networks.py DATA OUT            half resolution, crops: an hour or more on two CPU cores
+    python benchmarks/train_networks.py DATA OUT            half resolution, crops: some hours on two CPU cores
     python benchmarks/train_networks.py DATA OUT --full     whole images at full resolution, on a GPU
 
 DATA is the folder with kitti_raw_0005 and the others of DRIVES, unpacked; towns are simulated. --leave-out 0005 makes
