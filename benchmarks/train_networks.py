@@ -3,8 +3,9 @@
     python benchmarks/train_networks.py DATA OUT            half resolution, crops: some hours on two CPU cores
     python benchmarks/train_networks.py DATA OUT --full     whole images at full resolution, on a GPU
 
-DATA is the folder with kitti_raw_0005 and the others of DRIVES, unpacked; towns are simulated. --leave-out 0005 makes
-weights that this drive can be measured with. A broken-off training goes on when started again; in the background:
+DATA is the folder with kitti_raw_0005 and the others of DRIVES, unpacked; towns are simulated. A network first learns
+without drive 0005: OUT/without-0005 has the weights that this drive can be measured with. These go on learning with it,
+and OUT/all has what is shipped. A broken-off training goes on when started again; in the background:
 nohup python benchmarks/train_networks.py DATA OUT > train.log 2>&1 &
 
 Raw drives first get poses from our own odometry: with them neighbouring scans agree better with the scan itself than
@@ -27,7 +28,7 @@ from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 
 RAW = "kitti_raw_{0}/2011_09_26/2011_09_26_drive_{0}_sync"
-RAW_DRIVES = ("0005", "0013")
+RAW_DRIVES = LAST, _ = ("0005", "0013")  # one of them comes last
 MINI = "kitti_odometry_mini/sequences/{}"
 SINGLE = ("kitti_stereo2015/sequences/stereo2015", *(MINI.format(name) for name in ("00", "03", "05")))
 VALIDATION = tuple(MINI.format(name) for name in ("07", "08", "10"))
@@ -38,18 +39,26 @@ TEST = "KITTI odometry 04"
 
 @dataclass(frozen=True)
 class Size:
-    """How large a training is: scale of the images, and for each network its steps and its part of the command."""
+    """How large a training is: scale of the images, a part of the command, and for each network its steps without LAST
+    and, with it, the steps and the learning rate."""
 
     scale: float
     options: tuple[str, ...]
     steps: dict[str, int]
+    last: dict[str, tuple[int, float]]
 
 
 HALF = Size(
-    0.5, ("--crop", "160x304", "--batch", "2", "--device", "cpu", "--bf16"), {"l2l": 800, "li2l": 900, "f2l-light": 900}
+    0.5,
+    ("--crop", "160x304", "--batch", "4", "--device", "cpu", "--bf16"),
+    {"l2l": 1000, "li2l": 1800, "f2l": 1800},
+    {"l2l": (300, 3e-3), "li2l": (400, 1e-3), "f2l": (400, 1e-3)},
 )
 FULL = Size(
-    1.0, ("--crop", "352x1216", "--batch", "8", "--device", "auto"), {"l2l": 10000, "li2l": 10000, "f2l": 10000}
+    1.0,
+    ("--crop", "352x1216", "--batch", "8", "--device", "auto"),
+    {"l2l": 10000, "li2l": 10000, "f2l": 10000},
+    {"l2l": (2000, 3e-3), "li2l": (2000, 1e-3), "f2l": (2000, 1e-3)},
 )
 
 
@@ -59,17 +68,19 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--full", action="store_true", help="full resolution, for a GPU")
     parser.add_argument("--model", action="append", help="only this one; may be given several times")
-    parser.add_argument("--leave-out", choices=RAW_DRIVES, help="a drive that the weights shall not see")
     arguments = parser.parse_args()
     size, out = FULL if arguments.full else HALF, arguments.out
     try:
         training, validation = packs(arguments.data, out, size)
     except InputError as error:
         sys.exit(f"Error: {error}")
-    training.pop(arguments.leave_out, None)
-    folder = out / (f"without-{arguments.leave_out}" if arguments.leave_out else "all")
+    others = [path for name, path in training.items() if name != LAST]
     for model in arguments.model or size.steps:
-        train(model, list(training.values()), validation, folder / model, size)
+        first = out / f"without-{LAST}" / model
+        train(model, others, validation, first, size, "--steps", size.steps[model])
+        steps, rate = size.last[model]
+        start, rest = first / f"{model}.safetensors", ("--steps", steps, "--rate", rate)
+        train(model, [training[LAST], *others], validation, out / "all" / model, size, *rest, start=start)
 
 
 def packs(data: Path, out: Path, size: Size) -> tuple[dict[str, Path], Path]:
@@ -108,13 +119,17 @@ def pack(path: Path, drives: Sequence[Source]) -> Path:
     return path
 
 
-def train(model: str, training: Sequence[Path], validation: Path, out: Path, size: Size) -> None:
-    """One network, from where it was broken off."""
-    resume = ("--resume",) if (out / "checkpoint.safetensors").exists() else ()
+def train(
+    model: str, training: Sequence[Path], validation: Path, out: Path, size: Size, *how: object, start: object = None
+) -> None:
+    """One network, from where it was broken off, or from the weights in the file `start`."""
+    if (out / "checkpoint.safetensors").exists():
+        how = (*how, "--resume")
+    elif start is not None:
+        how = (*how, "--start", start)
     lidarlift(
-        "train", model, *training, "--validate", validation, "--out", out, "--scale", size.scale, *size.options,
-        "--steps", size.steps[model], *resume,
-    )  # fmt: skip
+        "train", model, *training, "--validate", validation, "--out", out, "--scale", size.scale, *size.options, *how
+    )
 
 
 def lidarlift(*words: object) -> None:

@@ -39,8 +39,8 @@ def _network(name: str) -> Callable[[], Method]:
     return make
 
 
-#: The paper's networks, and the names of the weights that these run with.
-NETWORK_METHODS = {"l2l": "l2l", "li2l": "li2l", "f2l": "f2l-light"}
+#: The paper's networks, by the names of their weights too.
+NETWORK_METHODS = ("l2l", "li2l", "f2l")
 
 #: Calling an entry makes the method; what it needs is imported then.
 METHODS: dict[str, Callable[[], Method]] = {
@@ -50,7 +50,7 @@ METHODS: dict[str, Callable[[], Method]] = {
     "delaunay": _completion("delaunay"),
     "mrf": _completion("mrf"),
     "joint": _joint,
-    **{name: _network(weights) for name, weights in NETWORK_METHODS.items()},
+    **{name: _network(name) for name in NETWORK_METHODS},
 }
 
 
@@ -58,7 +58,7 @@ def runnable() -> list[str]:
     """Names of the methods that have all they need here: a network has to have its weights."""
     from enrichment.network_method import has_weights
 
-    return [name for name in METHODS if name not in NETWORK_METHODS or has_weights(NETWORK_METHODS[name])]
+    return [name for name in METHODS if name not in NETWORK_METHODS or has_weights(name)]
 
 
 def make_methods(names: Collection[str]) -> dict[str, Method]:

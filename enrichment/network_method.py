@@ -6,6 +6,7 @@ import logging
 from importlib import resources
 from importlib.resources.abc import Traversable
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -15,8 +16,14 @@ from enrichment.ray_segment import RaySegment
 from enrichment.rays import Prediction, RayGrid
 from enrichment.sparse_scan import SparseScan
 from slam.data.cloud import Array
+from slam.data.errors import InputError
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
 
 WEIGHTS = resources.files("enrichment") / "weights"  # NAME.onnx, as enrichment.networks.export writes them
+
+AFRESH = "install lidarlift afresh, or export the network again"
 
 log = logging.getLogger(__name__)
 
@@ -30,14 +37,18 @@ class ImageNetwork(DepthCompletion):
 
     Sigma in the image is a share of the spread of depth, as for IP-Basic; the calibration on held-out rings finds out
     by how much a network's errors differ. Where the network cannot run, for want of an image, of its weights in
-    `folder` or of ONNX Runtime, it is ray-segment alone, and the log says so once.
+    `folder` or of ONNX Runtime, it is ray-segment alone, and the log says so once. Raises InputError where the weights
+    are there but damaged. `parameters` is how many were learned, None where the network cannot run.
     """
+
+    parameters: int | None = None
 
     def __init__(self, name: str, folder: Traversable = WEIGHTS) -> None:
         self.name, self._told = name, False
         self.spread_share, self._fault = SPREAD_SHARE["ip-basic"], ""
         try:
-            self.complete = OnnxNetwork(folder / f"{name}.onnx")
+            self.complete = network = OnnxNetwork(folder / f"{name}.onnx")
+            self.parameters = network.parameters
         except (ImportError, FileNotFoundError) as error:
             self._fault = f"cannot run here ({error})"
 
@@ -60,18 +71,31 @@ class ImageNetwork(DepthCompletion):
             self._told = True
 
 
-class OnnxNetwork:
-    """A depth completion by a network, at the scale, in cells a pixel, that its file names.
+def session(file: Traversable) -> InferenceSession:
+    """What runs a network, on the CPU. Raises as `OnnxNetwork` does."""
+    import onnxruntime
 
-    Raises FileNotFoundError without the file, ImportError without ONNX Runtime.
+    content = file.read_bytes()
+    try:
+        return onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
+    except Exception as error:  # its own errors have no other class in common
+        raise InputError(f"{file}: no ONNX network, or damaged ({' '.join(str(error).split())}); {AFRESH}") from error
+
+
+class OnnxNetwork:
+    """A depth completion by a network, at the scale, in cells a pixel, that its file names, with so many parameters.
+
+    Raises FileNotFoundError without the file, ImportError without ONNX Runtime, InputError where the file is damaged.
     """
 
     def __init__(self, file: Traversable) -> None:
-        from onnxruntime import InferenceSession
-
-        self._session = InferenceSession(file.read_bytes(), providers=["CPUExecutionProvider"])
+        self._session = session(file)
         self._inputs = [entry.name for entry in self._session.get_inputs()]  # L2L has no image
-        self.scale = float(self._session.get_modelmeta().custom_metadata_map["scale"])
+        about = self._session.get_modelmeta().custom_metadata_map
+        try:
+            self.scale, self.parameters = float(about["scale"]), int(about["parameters"])
+        except (KeyError, ValueError) as error:
+            raise InputError(f"{file}: a network without scale or number of parameters; {AFRESH}") from error
 
     def __call__(self, sparse: Array, image: Array) -> Array:
         if not sparse.any():

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from eval.depth import BANDS
 from eval.text import new_table, number, paragraphs, rendered
 
 VIEWS = {"image": "In the image", "full": "All around"}
+
+#: Table II of Yue et al., on 154 frames of its own, after training on 1730.
+PAPER = {
+    "l2l": {"rmse_mm": 22160, "mae_mm": 2165},
+    "li2l": {"rmse_mm": 26162, "mae_mm": 2622},
+    "f2l": {"rmse_mm": 8339, "mae_mm": 1153},
+}
 
 #: Column title, keys in a view's figures, factor, decimals.
 COLUMNS: tuple[tuple[str, tuple[str, ...], float, int], ...] = (
@@ -27,6 +34,8 @@ COLUMNS: tuple[tuple[str, tuple[str, ...], float, int], ...] = (
     ("MAE, best\n80 %", ("at_80", "mae_mm"), 1, 0),
     ("RMSE, best\n80 %", ("at_80", "rmse_mm"), 1, 0),
 )
+#: Of a method whatever the view.
+OF_A_METHOD = {"ms": ("ms a\nframe", ("ms",), 1, 1), "parameters": ("param-\neters", ("parameters",), 1, 0)}
 BAND_COLUMNS = tuple(
     (f"{low}-{high} m\n{title}", ("bands", f"{low}-{high}", key), factor, decimals)
     for low, high in BANDS
@@ -61,17 +70,24 @@ def text_protocol(protocol: Mapping[str, str]) -> str:
 
 def _tables(view: str, title: str, methods: Mapping[str, Any]) -> Iterator[str]:
     """Of one view, if any method has figures of it; columns that none has anything in are left out."""
-    shown = {name: entry for name, entry in methods.items() if view in entry}
-    for columns in ((*COLUMNS, ("ms a\nframe", ("ms",), 1, 1)), BAND_COLUMNS):
-        rows = [
-            [name, *(_cell(entry[view] | {"ms": entry["ms"]}, *column[1:]) for column in columns)]
-            for name, entry in shown.items()
-        ]
+    shown = {
+        name: entry[view] | {key: entry.get(key) for key in OF_A_METHOD}
+        for name, entry in methods.items()
+        if view in entry
+    }
+    for columns in ((*COLUMNS, *OF_A_METHOD.values()), BAND_COLUMNS):
+        lines = shown | (_papers(shown) if view == "image" and columns is not BAND_COLUMNS else {})
+        rows = [[name, *(_cell(figures, *column[1:]) for column in columns)] for name, figures in lines.items()]
         used = [k for k in range(len(columns)) if any(row[k + 1] != "-" for row in rows)]
         if used:
             yield text_table(
                 [title, *(columns[k][0] for k in used)], ([row[0], *(row[k + 1] for k in used)] for row in rows)
             )
+
+
+def _papers(shown: Collection[str]) -> dict[str, Mapping[str, Any]]:
+    """What the paper says of its networks, where these have rows."""
+    return {f"{name}, the paper's": figures for name, figures in PAPER.items() if name in shown}
 
 
 def _cell(figures: Mapping[str, Any], keys: tuple[str, ...], factor: float, decimals: int) -> str:

@@ -32,6 +32,19 @@ class F2L(DepthNetwork):
             _plain(WIDTH, 1),
             nn.Conv2d(WIDTH, 1, 1),
         ).apply(he)
+        self._start_with_scnn()
+
+    def _start_with_scnn(self) -> None:
+        """Let the head's first channel pass SCNN's map on, and the output be that channel: what it has to learn is how
+        the image changes that depth."""
+        channel = FEATURES
+        with torch.no_grad():
+            for layer in (module for module in self.head.modules() if isinstance(module, nn.Conv2d)):
+                each, middle = layer.groups > 1, layer.kernel_size[0] // 2
+                row = channel if each else 0
+                layer.weight[row] = 0
+                layer.weight[row, 0 if each else channel, middle, middle] = 1
+                channel = row
 
     def complete(self, image: Tensor, depth: Tensor) -> Tensor:
         features = self.erfnet(torch.cat([image, depth], dim=1))

@@ -33,7 +33,7 @@ class Checkpoint:
     """A training after `step` steps.
 
     data     what it is trained on, as the packs' digests say
-    best     the validation with the least RMSE so far, for that is what the loss is about; None without any
+    best     the validation with the least MAE so far; None without any
     tensors  of the network, by their names behind NETWORK, and of the optimiser, NUMBER.NAME behind OPTIMIZER
     """
 

@@ -143,7 +143,7 @@ class Training(lightning.LightningModule):
         """Behind the validation: what it says, and where the training is."""
         found = self.trainer.callback_metrics
         figures = Figures(self.step, float(found["mae"]), float(found["rmse"])) if self.validation else None
-        better = figures is None or self.best is None or figures.rmse < self.best.rmse
+        better = figures is None or self.best is None or figures.mae < self.best.mae
         self.best = figures if better else self.best
         if self.trainer.is_global_zero:
             tensors = tensors_of(self.network, self._optimizer)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from enrichment.training.checkpoint import Figures
 from enrichment.training.licence import KITTI
 from enrichment.training.pack import Drive, Pack
-from enrichment.training.plan import RATE, RATES, Plan
+from enrichment.training.plan import Plan
 
 TEMPLATE = """# {model}
 
@@ -66,7 +66,7 @@ def model_card(
         batch=plan.batch,
         height=plan.crop[0],
         width=plan.crop[1],
-        rate=RATES.get(plan.model, RATE),
+        rate=plan.highest_rate,
         seed=plan.seed,
         precision="convolutions in bfloat16" if plan.bf16 else "float32",
         figures=_figures(best, _drives(validation)),
@@ -89,5 +89,5 @@ def _figures(best: Figures | None, drives: list[Drive]) -> str:
     return (
         f"On the {count} frames for validation, at target depths off the rings that are the input, means over images: "
         f"MAE {1000 * best.mae:.0f} mm, RMSE {1000 * best.rmse:.0f} mm. These weights were chosen by that "
-        "RMSE, so it is a little lower than on other drives."
+        "MAE, so it is a little lower than on other drives."
     )

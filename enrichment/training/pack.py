@@ -24,7 +24,7 @@ from slam.data.atomic import written_beside
 from slam.data.cloud import Array
 from slam.data.errors import InputError
 
-VERSION = 1  # raised when the same drive would give another pack
+VERSION = 2  # raised when the same drive would give another pack
 WEBP = [cv2.IMWRITE_WEBP_QUALITY, 85]
 AFRESH = "delete it, and it is packed afresh from its drives"
 

@@ -20,6 +20,7 @@ class Plan:
     batch   examples a step
     look    steps from one validation and checkpoint to the next (after each the best weights so far are kept)
     seed    of the first weights, the examples and dropout
+    rate    highest learning rate; None: the model's own
     bf16    convolutions in bfloat16, weights and loss in float32: up to three times as fast where the processor has it
     """
 
@@ -29,11 +30,16 @@ class Plan:
     batch: int = 4
     look: int = 200
     seed: int = 0
+    rate: float | None = None
     bf16: bool = False
+
+    @property
+    def highest_rate(self) -> float:
+        return RATES.get(self.model, RATE) if self.rate is None else self.rate
 
     def rate_at(self, step: int) -> float:
         """AdamW's learning rate at step 0, 1, ...: it rises for WARM_UP steps and falls to 0 along a cosine."""
-        rate = RATES.get(self.model, RATE)
+        rate = self.highest_rate
         warm_up = max(min(WARM_UP, self.steps // 10), 1)
         if step < warm_up:
             return rate * (step + 1) / warm_up

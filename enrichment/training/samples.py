@@ -29,6 +29,7 @@ from slam.data.pose_files import read_poses
 RETURN = np.dtype([("column", "<u2"), ("row", "<u2"), ("depth", "<u2"), ("ring", "u1")])
 STEPS = 256.0  # a metre, as in KITTI's depth maps
 FARTHEST = 65535 / STEPS
+REACH = 80.0  # m: no target beyond, where LiDARs hardly see and a squared error is that of few pixels alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class Sample:
 
     image      (H, W, 3) uint8 RGB
     returns    (N,) RETURN: all inside the image, hidden ones too, for fewer rings do not show that they are
-    target     (H, W) float32, metres, in steps of 1/256: depth at the cells' centres, 0 = none
+    target     (H, W) float32, metres, in steps of 1/256 up to REACH: depth at the cells' centres, 0 = none
     ring_step  every so-many-th ring is what a sparse LiDAR has (`ring_step`)
     scale      cells a pixel, at most 1
     """
@@ -151,9 +152,8 @@ def _packed(pixels: Array, depth: Array, ring: Array) -> Array:
 
 
 def _quantised(depth: Array) -> Array:
-    """(H, W) float32; depth beyond what 16 bits hold becomes none."""
-    steps = np.round(depth * STEPS)
-    return np.where(steps <= FARTHEST * STEPS, steps / STEPS, 0).astype(np.float32)
+    """(H, W) float32; depth beyond REACH becomes none."""
+    return np.where(depth <= REACH, np.round(depth * STEPS) / STEPS, 0).astype(np.float32)
 
 
 def _scaled(image: Array, shape: tuple[int, int], scale: float) -> Array:

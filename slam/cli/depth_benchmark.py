@@ -103,7 +103,10 @@ def report_of_drive(
     figures = {view: answers.figures() for view, answers in views.items()}
     count = f"{len(positions)} frames, every {'4th' if step == 4 else '2nd'} of {data.sensor.ring_count} rings kept"
     return {
-        **{name: {**_views(figures, name), "ms": clock.milliseconds} for name, clock in clocks.items()},
+        **{
+            name: {**_views(figures, name), "ms": clock.milliseconds, **_size(methods[name])}
+            for name, clock in clocks.items()
+        },
         "about": {
             "title": f"{data.name}: {count}, from ring {phase}",
             "dataset": data.name,
@@ -170,6 +173,12 @@ def _chosen(all_of_them: Sequence[T], chosen: slice, path: Path) -> Sequence[T]:
     if not all_of_them[chosen]:
         raise InputError(f"{path}: no frames in that range; it has {len(all_of_them)}, from 0")
     return all_of_them[chosen]
+
+
+def _size(method: Method) -> dict[str, int]:
+    """How many parameters it learned, if any."""
+    parameters = getattr(method, "parameters", None)
+    return {"parameters": parameters} if parameters else {}
 
 
 def _views(figures: dict[str, dict[str, Any]], name: str) -> dict[str, Any]:

@@ -51,6 +51,9 @@ def train(
         Path | None, typer.Option(help="The file to pack the drives into. Default: train.npz in --out.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where --out was broken off.")] = False,
+    start: Annotated[
+        Path | None, typer.Option(help="The .safetensors of this network to start from, instead of random weights.")
+    ] = None,
     device: Annotated[Device, typer.Option(help="gpu takes all that there are.")] = Device.AUTO,
     epochs: Annotated[int | None, typer.Option(min=1, help=f"Times through all frames. Default: {EPOCHS}.")] = None,
     steps: Annotated[int | None, typer.Option(min=1, help="Instead: so many steps.")] = None,
@@ -58,6 +61,7 @@ def train(
     crop: Annotated[str, typer.Option(help="Height and width of an example, at --scale.")] = "160x304",
     scale: Annotated[float, typer.Option(min=0.1, max=1.0, help="Of the images.")] = 0.5,
     seed: Annotated[int, typer.Option(min=0, help="Of the first weights, the examples and dropout.")] = 0,
+    rate: Annotated[float | None, typer.Option(min=0, help="Highest learning rate. Default: the model's own.")] = None,
     bf16: Annotated[bool, typer.Option("--bf16", help="Half precision: faster where the processor has it.")] = False,
 ) -> None:
     """Train a network for depth on drives: it sees some rings of a scan, and the others' returns are the answers.
@@ -86,15 +90,22 @@ def train(
         raise InputError(f"{out}: a training is here already; go on with --resume, or name another --out")
     if resume and not (out / CHECKPOINT).exists():
         raise InputError(f"{out / CHECKPOINT}: no such file, so there is nothing to --resume; leave that out")
+    if resume and start is not None:
+        raise InputError(
+            f"--start {start}: a training that is resumed has weights; leave one of --start and --resume out"
+        )
     packs = _packs(datasets, poses or [], pack or out / "train.npz", scale)
     held_out = _packs(validate or [], [], out / "validation.npz", scale, neighbours=0)
     require_crop(packs, size)
     count = sum(len(one) for one in packs)
-    plan = Plan(model, steps or -(-count * (epochs or EPOCHS) // batch), size, batch, seed=seed, bf16=bf16)
-    _train(plan, packs, held_out, out, device.value, resume)
+    plan = Plan(model, steps or -(-count * (epochs or EPOCHS) // batch), size, batch, seed=seed, rate=rate, bf16=bf16)
+    _train(plan, packs, held_out, out, start, device.value, resume)
 
 
-def _train(plan: Plan, packs: list[Pack], held_out: list[Pack], out: Path, device: str, resume: bool) -> None:
+def _train(
+    plan: Plan, packs: list[Pack], held_out: list[Pack], out: Path, start: Path | None, device: str, resume: bool
+) -> None:
+    from enrichment.networks.export import load_weights
     from enrichment.training.loop import Training, train
     from enrichment.training.results import write_results
 
@@ -102,13 +113,20 @@ def _train(plan: Plan, packs: list[Pack], held_out: list[Pack], out: Path, devic
         training = Training(plan, packs, held_out, out, min(_cores() - 1, MOST_WORKERS), on_step)
         if resume:
             training.resume()
+        elif start is not None:
+            load_weights(training.network, start)
         begin(training.step)
         train(training, device)
     if not _first_process():
         return
-    best = write_results(training, shlex.join(["lidarlift", *sys.argv[1:]]))
+    best = write_results(training, _command())
     print(_summary(plan, best))
     print(f"Written to {out}: {plan.model}.onnx, {plan.model}.safetensors, {plan.model}.md")
+
+
+def _command() -> str:
+    """As it was typed, but of paths the last names alone: what folders are called here is nobody's business."""
+    return shlex.join(["lidarlift", *(Path(word).name if os.sep in word else word for word in sys.argv[1:])])
 
 
 def _packs(paths: Sequence[Path], poses: Sequence[Path], file: Path, scale: float, neighbours: int = 5) -> list[Pack]:

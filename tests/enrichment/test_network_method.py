@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
+import onnx
 import pytest
 import torch
 
@@ -25,6 +26,7 @@ from enrichment.sparse_scan import SparseScan
 from slam.cli.arguments import Enricher
 from slam.data.camera import project
 from slam.data.cloud import Array, Calibration
+from slam.data.errors import InputError
 from slam.settings import FrontEndSettings
 
 LOOKING_AHEAD = np.array([[0, -1, 0, 0.1], [0, 0, -1, -0.1], [1, 0, 0, -0.3], [0, 0, 0, 1.0]])
@@ -116,6 +118,20 @@ def test_without_what_it_needs_it_is_ray_segment_and_says_so_once(
     (record,) = caplog.records
     assert missing.replace("weights", "f2l.onnx") in record.getMessage()
     assert "ray-segment" in record.getMessage()
+
+
+@pytest.mark.parametrize("content", [b"", b"nothing of the kind", None])
+def test_damaged_weights_are_refused(content: bytes | None, tmp_path: Path) -> None:
+    always(10.0, tmp_path)
+    path = tmp_path / "l2l.onnx"
+    if content is None:  # a network, but not one of ours
+        model = onnx.load(path)
+        del model.metadata_props[:]
+        onnx.save(model, path)
+    else:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=r"l2l\.onnx: .*export the network again"):
+        ImageNetwork("l2l", tmp_path)
 
 
 def test_cells_have_the_nearest_depth_of_their_pixels() -> None:

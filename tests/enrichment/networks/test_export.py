@@ -21,7 +21,11 @@ def test_onnx_computes_what_torch_does_at_any_size(name: str, tmp_path: Path) ->
     export(network, tmp_path, name, scale=0.5)
     assert network.training  # as it was before
     session = InferenceSession(tmp_path / f"{name}.onnx")
-    assert session.get_modelmeta().custom_metadata_map == {"network": name, "scale": "0.5"}
+    assert session.get_modelmeta().custom_metadata_map == {
+        "network": name,
+        "scale": "0.5",
+        "parameters": str(sum(values.numel() for values in network.parameters())),
+    }
     for height, width in ((32, 48), (29, 61)):
         image, depth = torch.rand(1, 3, height, width), torch.rand(1, 1, height, width)
         given = {"image": image, "depth": torch.where(depth < 0.1, 500 * depth, 0)}

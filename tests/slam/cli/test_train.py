@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from safetensors.numpy import load_file
 
 pytest.importorskip("lightning")
 
@@ -45,6 +46,26 @@ def test_a_short_training_goes_on(lidarlift: Command, seen: Path) -> None:
     assert again.code == 0, again.err
     assert "l2l: 3 steps" in again.out
     assert "Packing" not in again.err
+
+
+def test_a_training_starts_from_weights_and_its_card_names_no_folder(lidarlift: Command, seen: Path) -> None:
+    pack, weights = Path.cwd() / "street.npz", Path("first/l2l.safetensors")
+    first = lidarlift("train", "l2l", seen, "--pack", pack, "--out", "first", *SHORT)
+    assert first.code == 0, first.err
+    second = lidarlift("train", "l2l", pack, "--start", weights, "--rate", 1e-9, "--out", "second", *SHORT)
+    assert second.code == 0, second.err
+    learned, kept = (load_file(f"{folder}/l2l.safetensors") for folder in ("first", "second"))
+    for name, values in learned.items():
+        np.testing.assert_allclose(values, kept[name], atol=1e-6)
+    card = Path("second/l2l.md").read_text()
+    assert "learning rate up to 1e-09" in card
+    assert "street.npz" in card
+    assert str(Path.cwd()) not in card
+    other = lidarlift("train", "f2l", pack, "--start", weights, *SHORT)
+    assert other.code == 1
+    assert "Error: first/l2l.safetensors: no weights of F2L" in other.err
+    both = ("--start", weights, "--resume", "--out", "second")
+    lidarlift("train", "l2l", pack, *both, *SHORT).refused("leave one of --start and --resume out")
 
 
 def test_what_is_wrong_is_said_in_one_line(lidarlift: Command, seen: Path) -> None:
