@@ -37,12 +37,12 @@ class RaySegment:
         stretch = (1 / np.cos(sensor.elevation)).astype(np.float32)[:, None]
         return Prediction(
             ranges=met * stretch,
-            sigma=np.where(met > 0, _sigma(length, slope, turn, beside)[upper] * stretch, np.float32(np.inf)),
+            sigma=np.where(met > 0, sigma_of(length, slope, turn, beside)[upper] * stretch, np.float32(np.inf)),
             trusted=(met > 0) & short_or_plane[upper],
         )
 
 
-def _sigma(length: Array, slope: Array, turn: Array, beside: Array) -> Array:
+def sigma_of(length: Array, slope: Array, turn: Array, beside: Array) -> Array:
     """(K - 1, W) float32, metres, along rho."""
     share = STRAIGHT + BENT * np.minimum(turn / TURN, 1)
     share = np.where(slope > STEEP, np.maximum(share, STEEP_SHARE), share)
