@@ -39,8 +39,15 @@ def _network(name: str) -> Callable[[], Method]:
     return make
 
 
+def _lift() -> Method:
+    from enrichment.lift_method import LiftMethod
+
+    return LiftMethod()
+
+
 #: The paper's networks, by the names of their weights too.
 NETWORK_METHODS = ("l2l", "li2l", "f2l")
+LIFT = "lift"
 
 #: Calling an entry makes the method; what it needs is imported then.
 METHODS: dict[str, Callable[[], Method]] = {
@@ -50,6 +57,7 @@ METHODS: dict[str, Callable[[], Method]] = {
     "delaunay": _completion("delaunay"),
     "mrf": _completion("mrf"),
     "joint": _joint,
+    LIFT: _lift,
     **{name: _network(name) for name in NETWORK_METHODS},
 }
 
@@ -58,7 +66,7 @@ def runnable() -> list[str]:
     """Names of the methods that have all they need here: a network has to have its weights."""
     from enrichment.network_method import has_weights
 
-    return [name for name in METHODS if name not in NETWORK_METHODS or has_weights(name)]
+    return [name for name in METHODS if name not in (*NETWORK_METHODS, LIFT) or has_weights(name)]
 
 
 def make_methods(names: Collection[str]) -> dict[str, Method]:

@@ -32,6 +32,18 @@ def has_weights(name: str, folder: Traversable = WEIGHTS) -> bool:
     return (folder / f"{name}.onnx").is_file() and find_spec("onnxruntime") is not None
 
 
+class Fallback:
+    """Says, once, that ray-segment takes a network's place, and why: its own `fault`, else that of the scan."""
+
+    def __init__(self, name: str) -> None:
+        self.fault, self._name, self._told = "", name, False
+
+    def notice(self, fault: str = "") -> None:
+        if not self._told:
+            log.warning("%s: %s; ray-segment interpolation takes its place", self._name, self.fault or fault)
+            self._told = True
+
+
 class ImageNetwork(DepthCompletion):
     """The method: ray-segment, but where a ray meets the network's dense depth image, that.
 
@@ -44,18 +56,18 @@ class ImageNetwork(DepthCompletion):
     parameters: int | None = None
 
     def __init__(self, name: str, folder: Traversable = WEIGHTS) -> None:
-        self.name, self._told = name, False
-        self.spread_share, self._fault = SPREAD_SHARE["ip-basic"], ""
+        self._fallback = Fallback(name)
+        self.spread_share = SPREAD_SHARE["ip-basic"]
         try:
             self.complete = network = OnnxNetwork(folder / f"{name}.onnx")
             self.parameters = network.parameters
         except (ImportError, FileNotFoundError) as error:
-            self._fault = f"cannot run here ({error})"
+            self._fallback.fault = f"cannot run here ({error})"
 
     def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
         plain = RaySegment()(scan, grid)
-        if self._fault or scan.calibration is None or scan.image is None:
-            self._notice(self._fault or "a scan without an image, or without its calibration")
+        if self._fallback.fault or scan.calibration is None or scan.image is None:
+            self._fallback.notice("a scan without an image, or without its calibration")
             return plain
         seen = super().__call__(scan, grid)
         met = seen.ranges > 0
@@ -64,11 +76,6 @@ class ImageNetwork(DepthCompletion):
             sigma=np.where(met, seen.sigma, plain.sigma),
             trusted=np.where(met, seen.trusted, plain.trusted),
         )
-
-    def _notice(self, fault: str) -> None:
-        if not self._told:
-            log.warning("%s: %s; ray-segment interpolation takes its place", self.name, fault)
-            self._told = True
 
 
 def session(file: Traversable) -> InferenceSession:

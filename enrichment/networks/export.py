@@ -10,42 +10,93 @@ import onnx
 import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
-from torch import Tensor
+from torch import Tensor, nn
 
+from enrichment.networks import lift
 from enrichment.networks.depth_network import DepthNetwork
+from enrichment.networks.lift import Lift
 from slam.data.atomic import written_beside
 from slam.data.errors import InputError
 
 OPSET = 18
 EXAMPLE = 37, 50  # height and width while it is traced; both stay free
 FREE = {2: "height", 3: "width"}
+RINGS, ROWS, COLUMNS = 5, 7, 48  # of Lift while it is traced; all stay free
 
 
 def export(network: DepthNetwork, folder: Path, name: str, scale: float = 1.0) -> None:
     """Write NAME.onnx and NAME.safetensors, for images of `scale` cells a pixel. Raises InputError where it cannot.
 
     The ONNX file maps `image` (1, 3, H, W) and `depth` (1, 1, H, W) to `dense` (1, 1, H, W) as `DepthNetwork.forward`
-    does, for any H and W, without dropout and with batch normalisation's own means. A network that does not look at the
-    image has no such input. `scale` is in the metadata of both, and so is the number of parameters.
+    does, for any H and W. A network that does not look at the image has no such input. `scale` is in the metadata of
+    both, beside what `write` puts there.
+    """
+    given = {"image": torch.rand(1, 3, *EXAMPLE), "depth": torch.rand(1, 1, *EXAMPLE)}
+    write(network, folder, name, {"scale": repr(scale)}, given, ["dense"], dict.fromkeys([*given, "dense"], FREE))
 
-    Convolutions' weights are stored in half precision, and the network is rounded to what is stored: both files and
-    the network itself give the same depth. All computing is in single precision.
+
+def export_lift(network: Lift, folder: Path, name: str = "lift") -> None:
+    """The same for Lift: `rings`, `upper`, `rays` and `candidates` to `ranges`, `scale` and `valid`, as its `forward`
+    has them, for any number of rings, rows and columns (inside 8)."""
+    given = {
+        "rings": torch.rand(1, lift.RINGS, RINGS, COLUMNS),
+        "upper": torch.arange(ROWS) % (RINGS - 1),
+        "rays": torch.rand(1, lift.RAYS, ROWS, COLUMNS),
+        "candidates": torch.rand(1, lift.CANDIDATES, ROWS, COLUMNS),
+    }
+    free = {2: "rows", 3: "columns"}
+    answers = ["ranges", "scale", "valid"]
+    axes = {"rings": {2: "rings", 3: "columns"}, "upper": {0: "rows"}, "rays": free, "candidates": free}
+    axes |= {name: {1: "rows", 2: "columns"} for name in answers}
+    write(_Answers(network).train(network.training), folder, name, {}, given, answers, axes)
+
+
+class _Answers(nn.Module):
+    """Lift without the weights of its candidates, which only training needs."""
+
+    def __init__(self, network: Lift) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, rings: Tensor, upper: Tensor, rays: Tensor, candidates: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        ranges, scale, valid, _ = self.network(rings, upper, rays, candidates)
+        return ranges, scale, valid
+
+
+def write(
+    network: nn.Module,
+    folder: Path,
+    name: str,
+    about: dict[str, str],
+    given: dict[str, Tensor],
+    answers: list[str],
+    axes: dict[str, dict[int, str]],
+) -> None:
+    """NAME.onnx and NAME.safetensors, without dropout and with batch normalisation's own means.
+
+    given    an example of the inputs, by name
+    answers  names of the outputs
+    axes     those of inputs and outputs that stay free
+
+    The metadata of both are `about`, the network's name and the number of its parameters. Convolutions' weights are
+    stored in half precision, and the network is rounded to what is stored: both files and the network itself give the
+    same depth. All computing is in single precision.
     """
     _round(network)
     parameters = sum(values.numel() for values in network.parameters())
-    about = {"network": name, "scale": repr(scale), "parameters": str(parameters)}
-    weights = {key: _stored(value.detach().cpu().contiguous()) for key, value in network.state_dict().items()}
+    about = {"network": name, "parameters": str(parameters), **about}
+    state = {key.removeprefix("network."): value.detach().cpu() for key, value in network.state_dict().items()}
     with written_beside(folder / f"{name}.safetensors") as temporary:
-        save_file(weights, temporary, about)
+        save_file({key: _stored(value.contiguous()) for key, value in state.items()}, temporary, about)
     with written_beside(folder / f"{name}.onnx") as temporary:
-        _write_onnx(network, temporary)
+        _write_onnx(network, temporary, given, answers, axes)
         model = onnx.load(temporary)
         _halve(model.graph)
         onnx.helper.set_model_props(model, about)
         onnx.save(model, temporary)
 
 
-def _round(network: DepthNetwork) -> None:
+def _round(network: nn.Module) -> None:
     with torch.no_grad():
         for value in network.state_dict().values():
             value.copy_(_stored(value))
@@ -69,24 +120,25 @@ def _halve(graph: onnx.GraphProto) -> None:
     graph.node.extend(nodes)
 
 
-def _write_onnx(network: DepthNetwork, path: Path) -> None:
+def _write_onnx(
+    network: nn.Module, path: Path, given: dict[str, Tensor], answers: list[str], axes: dict[str, dict[int, str]]
+) -> None:
     """By tracing: the exporter behind `dynamo=True` takes 20 s for what this does in one, and gives the same graph."""
-    training = network.training
-    example = tuple(torch.rand(1, channels, *EXAMPLE, device=next(network.parameters()).device) for channels in (3, 1))
-    names = ["image", "depth"]
+    training, device = network.training, next(network.parameters()).device
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)
             torch.onnx.export(
-                network.eval(), example, str(path), dynamo=False, opset_version=OPSET, do_constant_folding=False,
+                network.eval(), tuple(values.to(device) for values in given.values()), str(path), dynamo=False,
+                opset_version=OPSET, do_constant_folding=False,
                 training=torch.onnx.TrainingMode.PRESERVE,  # batch normalisation stays apart from rounded weights
-                input_names=names, output_names=["dense"], dynamic_axes=dict.fromkeys([*names, "dense"], FREE),
+                input_names=list(given), output_names=answers, dynamic_axes=axes,
             )  # fmt: skip
     finally:
         network.train(training)
 
 
-def load_weights(network: DepthNetwork, path: Path) -> None:
+def load_weights(network: nn.Module, path: Path) -> None:
     """Weights from a .safetensors file into the network of the same kind. Raises InputError where they do not fit."""
     try:
         network.load_state_dict(load_file(path))

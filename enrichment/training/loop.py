@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import lightning
 import numpy as np
@@ -20,12 +21,9 @@ from torch import Tensor
 from torch.optim import AdamW
 from torch.utils.data import DataLoader
 
-from enrichment.networks.loss import depth_loss
-from enrichment.networks.registry import NETWORKS
 from enrichment.training.checkpoint import BEST, CHECKPOINT, NETWORK, Checkpoint, Figures, read_checkpoint, tensors_of
-from enrichment.training.drawing import Drawn, Example, Whole
-from enrichment.training.pack import Pack
 from enrichment.training.plan import Plan
+from enrichment.training.task import Task
 from slam.data.errors import InputError
 
 LOG_EVERY = 10  # steps
@@ -58,7 +56,8 @@ def _trainer(training: Training, device: str) -> lightning.Trainer:
             max_epochs=-(-(training.plan.steps - training.step) // training.plan.look),
             reload_dataloaders_every_n_epochs=1,
             num_sanity_val_steps=0,
-            limit_val_batches=None if training.validation else 0,
+            limit_val_batches=None if training.task.validated else 0,
+            gradient_clip_val=training.task.clip,
             logger=[TensorBoardLogger(logs, name="tensorboard"), CSVLogger(logs, name="csv")],
             log_every_n_steps=LOG_EVERY,
             enable_progress_bar=False,
@@ -79,19 +78,17 @@ class Training(lightning.LightningModule):
     def __init__(
         self,
         plan: Plan,
-        packs: Sequence[Pack],
-        validation: Sequence[Pack],
+        task: Task,
         out: Path,
         workers: int = 0,
         on_step: Callable[[float], None] | None = None,
     ) -> None:
         super().__init__()
         torch.manual_seed(plan.seed)
-        self.network = NETWORKS[plan.model]()
+        self.network = task.network(plan.model)
         self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # a tenth faster on a CPU
-        self.plan, self.packs, self.validation, self.out = plan, packs, validation, out
+        self.plan, self.task, self.out = plan, task, out
         self.workers, self.on_step = workers, on_step
-        self.data = " ".join(pack.digest for pack in (*packs, *validation))
         self.step = 0
         self.best: Figures | None = None
         self._optimizer = AdamW(self.network.parameters())
@@ -100,49 +97,51 @@ class Training(lightning.LightningModule):
         """Go on where the folder's checkpoint is. Raises InputError without one, or where it is of another training."""
         path = self.out / CHECKPOINT
         checkpoint = read_checkpoint(path)
-        checkpoint.require(self.plan, self.data, path)
+        checkpoint.require(self.plan, self.task.digest, path)
         checkpoint.restore(self.network, self._optimizer)
         self.step, self.best = checkpoint.step, checkpoint.best
 
     def configure_optimizers(self) -> AdamW:
         return self._optimizer
 
-    def train_dataloader(self) -> DataLoader[Example]:
+    def train_dataloader(self) -> DataLoader[Any]:
         """The examples up to the next look."""
         batch, gpus = self.plan.batch, self.trainer.world_size
         count = min(self.plan.look, self.plan.steps - self.step) * batch * gpus
-        drawn = Drawn(self.packs, self.plan.crop, self.plan.seed, self.step * batch * gpus, count)
-        return DataLoader(drawn, batch, num_workers=self.workers)
+        drawn = self.task.drawn(self.plan, self.step * batch * gpus, count)
+        return DataLoader(drawn, batch, num_workers=self.workers, collate_fn=self.task.collate)
 
-    def val_dataloader(self) -> DataLoader[Example]:
-        return DataLoader(Whole(self.validation), 1, num_workers=self.workers)
+    def val_dataloader(self) -> DataLoader[Any]:
+        return DataLoader(self.task.whole(), 1, num_workers=self.workers, collate_fn=self.task.collate)
 
-    def on_train_batch_start(self, batch: Example, batch_idx: int) -> None:
+    def on_train_batch_start(self, batch: Any, batch_idx: int) -> None:
         """Dropout and learning rate follow from seed and step, so that a resumed training takes the same way."""
         state = np.random.SeedSequence((self.plan.seed, self.step, self.global_rank)).generate_state(1)
         torch.manual_seed(int(state[0]))
         for group in self._optimizer.param_groups:
             group["lr"] = self.plan.rate_at(self.step)
 
-    def training_step(self, batch: Example, batch_idx: int) -> Tensor:
-        loss = depth_loss(self.network(batch.image, batch.depth).float(), batch.target)
-        self.log("loss", loss)
-        self.log("step", float(self.step))  # of the loggers: Lightning's own starts at 0 when resumed
+    def training_step(self, batch: Any, batch_idx: int) -> Tensor:
+        loss = self.task.loss(self.network, batch, self.plan)
+        self.log("loss", loss, batch_size=self.plan.batch)
+        self.log(
+            "step", float(self.step), batch_size=self.plan.batch
+        )  # of the loggers: Lightning's own starts at 0 when resumed
         return loss
 
-    def on_train_batch_end(self, outputs: object, batch: Example, batch_idx: int) -> None:
+    def on_train_batch_end(self, outputs: object, batch: Any, batch_idx: int) -> None:
         self.step += 1
         if self.on_step is not None and self.trainer.is_global_zero:
             self.on_step(float(self.trainer.callback_metrics["loss"]))
 
-    def validation_step(self, batch: Example, batch_idx: int) -> None:
-        mae, rmse = errors(self.network(batch.image, batch.depth).float(), batch)
-        self.log_dict({"mae": mae, "rmse": rmse, "step": float(self.step)}, sync_dist=True)
+    def validation_step(self, batch: Any, batch_idx: int) -> None:
+        mae, rmse = self.task.errors(self.network, batch)
+        self.log_dict({"mae": mae, "rmse": rmse, "step": float(self.step)}, sync_dist=True, batch_size=1)
 
     def on_train_epoch_end(self) -> None:
         """Behind the validation: what it says, and where the training is."""
         found = self.trainer.callback_metrics
-        figures = Figures(self.step, float(found["mae"]), float(found["rmse"])) if self.validation else None
+        figures = Figures(self.step, float(found["mae"]), float(found["rmse"])) if self.task.validated else None
         better = figures is None or self.best is None or figures.mae < self.best.mae
         self.best = figures if better else self.best
         if self.trainer.is_global_zero:
@@ -153,11 +152,4 @@ class Training(lightning.LightningModule):
             self._checkpoint(tensors).write(self.out / CHECKPOINT)
 
     def _checkpoint(self, tensors: dict[str, Tensor]) -> Checkpoint:
-        return Checkpoint(self.plan, self.data, self.step, self.best, tensors)
-
-
-def errors(depth: Tensor, batch: Example) -> tuple[Tensor, Tensor]:
-    """MAE and RMSE [m] over the cells with a target but without a kept return, where the input has the answer."""
-    asked = (batch.target > 0) & (batch.depth == 0)
-    error = (depth - batch.target)[asked]
-    return error.abs().mean(), error.square().mean().sqrt()
+        return Checkpoint(self.plan, self.task.digest, self.step, self.best, tensors)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from enrichment.training.checkpoint import Figures
-from enrichment.training.licence import KITTI
+from enrichment.training.licence import KITTI, licence_of
 from enrichment.training.pack import Drive, Pack
 from enrichment.training.plan import Plan
+from slam.data.dataset import Dataset
 
 TEMPLATE = """# {model}
 
@@ -29,7 +30,7 @@ target has the returns of all rings.
     {command}
 
 Step {step} of {steps}, {batch} crops of {height}x{width} a step, AdamW, learning rate up to {rate:g}, seed {seed},
-{precision}.
+{precision}. Loss: the squared error, and {absolute:g} times the absolute one, in metres.
 
 ## Figures
 
@@ -39,6 +40,36 @@ Step {step} of {steps}, {batch} crops of {height}x{width} a step, AdamW, learnin
 
 {licence}
 """
+LIFT = """# lift
+
+Ranges, with their uncertainty, on rays between the rings of a LiDAR, over all 360 degrees: the network `lift` of
+lidarlift, {parameters:,} parameters. Input and output: `enrichment.lift_input` and `enrichment.networks.lift`.
+
+## Data
+
+| drive | used for | scans | licence |
+|---|---|---|---|
+{drives}
+
+{rings}
+
+## Training
+
+    {command}
+
+Step {step} of {steps}, {batch} whole scans a step, AdamW, learning rate up to {rate:g}, seed {seed}, {precision}.
+
+## Figures
+
+{figures}
+
+## Licence
+
+{licence}
+"""
+ALL_RINGS = """Which rings are the input is drawn anew for each example: most often every 4th of 64, with a random first
+one. The returns of all others are the answers."""
+OWN_RINGS = "Some rings of the sparse LiDAR itself were the input, others of it the answers: no ground truth was used."
 NON_COMMERCIAL = """Trained on KITTI (Geiger, Lenz, Stiller, Urtasun, "Vision meets Robotics: The KITTI Dataset", IJRR
 2013), which is under CC BY-NC-SA 3.0: these weights are for non-commercial use only."""
 OTHER = "That of the recordings, as the table has it."
@@ -68,9 +99,38 @@ def model_card(
         width=plan.crop[1],
         rate=plan.highest_rate,
         seed=plan.seed,
+        absolute=plan.absolute,
         precision="convolutions in bfloat16" if plan.bf16 else "float32",
-        figures=_figures(best, _drives(validation)),
+        figures=_figures(best, sum(len(drive.frames) for drive in _drives(validation)), "frames"),
         licence=NON_COMMERCIAL if any(drive.licence == KITTI for drive, _ in used) else OTHER,
+    )
+
+
+def lift_card(
+    plan: Plan,
+    step: int,
+    best: Figures | None,
+    parameters: int,
+    drives: Sequence[Dataset],
+    validation: Sequence[Dataset],
+    own_rings: bool,
+    command: str,
+) -> str:
+    """The same for Lift, which learns from drives. `own_rings`: from nothing but a sparse LiDAR's own rings."""
+    used = [(drive, use) for use, some in (("training", drives), ("validation", validation)) for drive in some]
+    return LIFT.format(
+        parameters=parameters,
+        drives="\n".join(f"| {drive.name} | {use} | {len(drive)} | {licence_of(drive)} |" for drive, use in used),
+        rings=OWN_RINGS if own_rings else ALL_RINGS,
+        command=command,
+        step=step,
+        steps=plan.steps,
+        batch=plan.batch,
+        rate=plan.highest_rate,
+        seed=plan.seed,
+        precision="convolutions in bfloat16" if plan.bf16 else "float32",
+        figures=_figures(best, sum(len(drive) for drive in validation), "scans"),
+        licence=NON_COMMERCIAL if any(licence_of(drive) == KITTI for drive, _ in used) else OTHER,
     )
 
 
@@ -82,12 +142,11 @@ def _row(drive: Drive, use: str) -> str:
     return f"| {drive.name} | {use} | {len(drive.frames)} | {drive.target} | {drive.licence} |"
 
 
-def _figures(best: Figures | None, drives: list[Drive]) -> str:
+def _figures(best: Figures | None, count: int, what: str) -> str:
     if best is None:
         return "There was no validation: nobody knows how good these weights are."
-    count = sum(len(drive.frames) for drive in drives)
     return (
-        f"On the {count} frames for validation, at target depths off the rings that are the input, means over images: "
+        f"On the {count} {what} for validation, at returns off the rings that are the input, means over {what}: "
         f"MAE {1000 * best.mae:.0f} mm, RMSE {1000 * best.rmse:.0f} mm. These weights were chosen by that "
         "MAE, so it is a little lower than on other drives."
     )

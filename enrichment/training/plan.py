@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from enrichment.networks.loss import LAMBDA
+
 WARM_UP = 100  # steps until the learning rate is whole, at most a tenth of all
 #: Highest learning rates: the best of 1e-3, 3e-3 and, for L2L, 1e-2 after 50 to 200 steps on KITTI.
 RATE, RATES = 3e-3, {"l2l": 1e-2}
@@ -21,6 +23,7 @@ class Plan:
     look    steps from one validation and checkpoint to the next (after each the best weights so far are kept)
     seed    of the first weights, the examples and dropout
     rate    highest learning rate; None: the model's own
+    absolute  weight of the absolute error against the squared one, of the paper's networks
     bf16    convolutions in bfloat16, weights and loss in float32: up to three times as fast where the processor has it
     """
 
@@ -31,6 +34,7 @@ class Plan:
     look: int = 200
     seed: int = 0
     rate: float | None = None
+    absolute: float = LAMBDA
     bf16: bool = False
 
     @property

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from enrichment.networks.export import export
 from enrichment.training.checkpoint import BEST, Figures, read_checkpoint
 from enrichment.training.loop import Training
-from enrichment.training.model_card import model_card
 from slam.data.atomic import write_text
 
 
@@ -14,12 +12,11 @@ def write_results(training: Training, command: str) -> Figures | None:
 
     Returns their validation, None where there was none.
     """
-    plan, out, packs = training.plan, training.out, training.packs
+    plan, task, out = training.plan, training.task, training.out
     best = read_checkpoint(out / BEST)
     network = training.network.cpu()
     network.load_state_dict(best.weights)
-    export(network, out, plan.model, packs[0].scale)
+    task.export(network, out, plan.model)
     parameters = sum(values.numel() for values in network.parameters())
-    card = model_card(plan, best.step, best.best, parameters, packs, training.validation, command)
-    write_text(out / f"{plan.model}.md", card)
+    write_text(out / f"{plan.model}.md", task.card(plan, best.step, best.best, parameters, command))
     return best.best

@@ -23,8 +23,12 @@ if TYPE_CHECKING:
     from enrichment.training.pack import Pack
     from enrichment.training.plan import Plan
     from enrichment.training.samples import Source
+    from enrichment.training.task import Task
+    from slam.data.dataset import Dataset
 
 EPOCHS = 20
+LIFT = "lift"
+ADAPTING_RATE = 3e-4  # highest learning rate: what was learned before is not to be lost
 MOST_WORKERS = 4
 
 
@@ -35,7 +39,7 @@ class Device(StrEnum):
 
 
 def train(
-    model: Annotated[str, typer.Argument(help="l2l, li2l, f2l or f2l-light.")],
+    model: Annotated[str, typer.Argument(help="lift, l2l, li2l, f2l or f2l-light.")],
     datasets: Annotated[list[Path], typer.Argument(metavar="DATASET...", help="Drives with a camera, or packs.")],
     out: Annotated[
         Path | None, typer.Option(help="The folder for weights and logs. Default: runs/train-MODEL.")
@@ -62,6 +66,16 @@ def train(
     scale: Annotated[float, typer.Option(min=0.1, max=1.0, help="Of the images.")] = 0.5,
     seed: Annotated[int, typer.Option(min=0, help="Of the first weights, the examples and dropout.")] = 0,
     rate: Annotated[float | None, typer.Option(min=0, help="Highest learning rate. Default: the model's own.")] = None,
+    absolute: Annotated[
+        float | None,
+        typer.Option(min=0, help="Weight of the absolute error against the squared one. Default: the paper's, 0.0002."),
+    ] = None,
+    self_supervised: Annotated[
+        bool,
+        typer.Option(
+            "--self-supervised", help="Adapt the shipped lift to drives of your LiDAR by its own rings alone."
+        ),
+    ] = False,
     bf16: Annotated[bool, typer.Option("--bf16", help="Half precision: faster where the processor has it.")] = False,
 ) -> None:
     """Train a network for depth on drives: it sees some rings of a scan, and the others' returns are the answers.
@@ -78,14 +92,16 @@ def train(
     require_writable(out)
     size = _size(crop)
     _require_torch()
+    from enrichment.networks.loss import LAMBDA
     from enrichment.networks.registry import NETWORKS
     from enrichment.training.checkpoint import CHECKPOINT
-    from enrichment.training.drawing import require_crop
     from enrichment.training.plan import Plan
     from slam.data.yaml_files import nearest
 
-    if model not in NETWORKS:
-        raise InputError(f"unknown network '{model}'{nearest(model, NETWORKS)}")
+    if model not in (known := [LIFT, *NETWORKS]):
+        raise InputError(f"unknown network '{model}'{nearest(model, known)}")
+    if self_supervised and model != LIFT:
+        raise InputError(f"--self-supervised: {model} learns from other rings than the LiDAR's own; choose {LIFT}")
     if (out / CHECKPOINT).exists() and not resume:
         raise InputError(f"{out}: a training is here already; go on with --resume, or name another --out")
     if resume and not (out / CHECKPOINT).exists():
@@ -94,23 +110,56 @@ def train(
         raise InputError(
             f"--start {start}: a training that is resumed has weights; leave one of --start and --resume out"
         )
-    packs = _packs(datasets, poses or [], pack or out / "train.npz", scale)
-    held_out = _packs(validate or [], [], out / "validation.npz", scale, neighbours=0)
+    if model == LIFT:
+        task, count = _lift_task(datasets, validate or [], self_supervised)
+    else:
+        packs = _packs(datasets, poses or [], pack or out / "train.npz", scale)
+        held_out = _packs(validate or [], [], out / "validation.npz", scale, neighbours=0)
+        task, count = _image_task(packs, held_out, size)
+    if self_supervised:
+        start, rate = start or _shipped(LIFT), rate or ADAPTING_RATE
+    steps = steps or -(-count * (epochs or EPOCHS) // batch)
+    weight = LAMBDA if absolute is None else absolute
+    plan = Plan(model, steps, size, batch, seed=seed, rate=rate, absolute=weight, bf16=bf16)
+    _train(plan, task, out, None if resume else start, device.value, resume)
+
+
+def _image_task(packs: list[Pack], held_out: list[Pack], size: tuple[int, int]) -> tuple[Task, int]:
+    """The task, and how many frames there are."""
+    from enrichment.training.drawing import require_crop
+    from enrichment.training.image_task import ImageTask
+
     require_crop(packs, size)
-    count = sum(len(one) for one in packs)
-    plan = Plan(model, steps or -(-count * (epochs or EPOCHS) // batch), size, batch, seed=seed, rate=rate, bf16=bf16)
-    _train(plan, packs, held_out, out, start, device.value, resume)
+    return ImageTask(packs, held_out), sum(len(pack) for pack in packs)
 
 
-def _train(
-    plan: Plan, packs: list[Pack], held_out: list[Pack], out: Path, start: Path | None, device: str, resume: bool
-) -> None:
+def _lift_task(paths: Sequence[Path], validate: Sequence[Path], own_rings: bool) -> tuple[Task, int]:
+    from enrichment.training.lift_task import LiftTask
+
+    for path in (*paths, *validate):
+        if path.suffix == ".npz":
+            raise InputError(f"{path}: {LIFT} learns from drives, not from packs of images; give their folders")
+    drives, held_out = ([_opened(path) for path in some] for some in (paths, validate))
+    return LiftTask(drives, held_out, own_rings), sum(len(drive) for drive in drives)
+
+
+def _shipped(model: str) -> Path:
+    """Weights to start from. Raises InputError where there are none."""
+    from enrichment.network_method import WEIGHTS
+
+    path = Path(str(WEIGHTS / f"{model}.safetensors"))
+    if not path.is_file():
+        raise InputError(f"--self-supervised: no weights of {model} are shipped; name some with --start")
+    return path
+
+
+def _train(plan: Plan, task: Task, out: Path, start: Path | None, device: str, resume: bool) -> None:
     from enrichment.networks.export import load_weights
     from enrichment.training.loop import Training, train
     from enrichment.training.results import write_results
 
     with _bar(plan.model, plan.steps) as (begin, on_step):
-        training = Training(plan, packs, held_out, out, min(_cores() - 1, MOST_WORKERS), on_step)
+        training = Training(plan, task, out, min(_cores() - 1, MOST_WORKERS), on_step)
         if resume:
             training.resume()
         elif start is not None:
@@ -158,13 +207,17 @@ def _packed(drives: Sequence[Path], poses: Sequence[Path], file: Path, scale: fl
 
 def _source(drive: Path, poses: Path | None, scale: float, neighbours: int) -> Source:
     from enrichment.training.samples import source
+
+    return source(_opened(drive), poses, scale, neighbours)
+
+
+def _opened(drive: Path) -> Dataset:
     from slam.data.dataset import open_dataset
 
     try:
-        data = open_dataset(drive)
+        return open_dataset(drive)
     except InputError as error:
         raise InputError(str(error).replace("name one with --sequence", "give the folder of each")) from error
-    return source(data, poses, scale, neighbours)
 
 
 def _summary(plan: Plan, best: Figures | None) -> str:

@@ -11,7 +11,8 @@ import torch
 
 from enrichment.training.checkpoint import BEST, CHECKPOINT, Checkpoint, Figures, read_checkpoint
 from enrichment.training.drawing import Example
-from enrichment.training.loop import Training, errors, train
+from enrichment.training.image_task import ImageTask, errors
+from enrichment.training.loop import Training, train
 from enrichment.training.pack import Pack
 from enrichment.training.plan import RATE, Plan
 from enrichment.training.results import write_results
@@ -22,7 +23,7 @@ Known = Callable[..., None]
 
 
 def trained(plan: Plan, pack: Pack, out: Path, resume: bool = False, validate: bool = True) -> Checkpoint:
-    training = Training(plan, [pack], [pack] if validate else [], out)
+    training = Training(plan, ImageTask([pack], [pack] if validate else []), out)
     if resume:
         training.resume()
     train(training, "cpu")
@@ -75,7 +76,7 @@ def test_what_is_left_behind(pack: Pack, tmp_path: Path, tiny: Known, monkeypatc
     monkeypatch.setattr("enrichment.training.loop.LOG_EVERY", 1)
     tiny()
     losses: list[float] = []
-    training = Training(PLAN, [pack], [pack], tmp_path / "out", on_step=losses.append)
+    training = Training(PLAN, ImageTask([pack], [pack]), tmp_path / "out", on_step=losses.append)
     train(training, "cpu")
     best = write_results(training, "lidarlift train tiny street")
     assert len(losses) == 5
@@ -101,7 +102,7 @@ def test_what_is_left_behind(pack: Pack, tmp_path: Path, tiny: Known, monkeypatc
 
 def test_weights_of_kitti_are_not_for_commerce(pack: Pack, tmp_path: Path, tiny: Known) -> None:
     tiny()
-    training = Training(replace(PLAN, steps=1), [pack], [], tmp_path / "out")
+    training = Training(replace(PLAN, steps=1), ImageTask([pack], []), tmp_path / "out")
     train(training, "cpu")
     pack.drives = (replace(pack.drives[0], licence="KITTI, CC BY-NC-SA 3.0"),)
     assert write_results(training, "") is None

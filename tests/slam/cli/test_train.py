@@ -68,6 +68,24 @@ def test_a_training_starts_from_weights_and_its_card_names_no_folder(lidarlift: 
     lidarlift("train", "l2l", pack, *both, *SHORT).refused("leave one of --start and --resume out")
 
 
+def test_lift_learns_from_drives_and_adapts_by_a_lidars_own_rings(lidarlift: Command, seen: Path) -> None:
+    first = lidarlift("train", "lift", seen, "--validate", seen, "--out", "t", "--steps", 2, "--batch", 1)
+    assert first.code == 0, first.err
+    assert "lift: 2 steps, validated best after 2: MAE" in first.out
+    assert {path.name for path in Path("t").iterdir()} >= {"lift.onnx", "lift.safetensors", "lift.md", "logs"}
+    card = Path("t/lift.md").read_text()
+    assert "| training | 8 |" in card
+    assert "most often every 4th of 64" in card
+    own = ("--self-supervised", "--start", "t/lift.safetensors", "--out", "own")
+    second = lidarlift("train", "lift", seen, *own, "--steps", 1, "--batch", 1)
+    assert second.code == 0, second.err
+    card = Path("own/lift.md").read_text()
+    assert "no ground truth was used" in card
+    assert "learning rate up to 0.0003" in card
+    lidarlift("train", "l2l", seen, "--self-supervised").refused("--self-supervised", "choose lift")
+    lidarlift("train", "lift", "some.npz").refused("some.npz: lift learns from drives, not from packs")
+
+
 def test_what_is_wrong_is_said_in_one_line(lidarlift: Command, seen: Path) -> None:
     lidarlift("train", "l3l", seen).refused("unknown network 'l3l'", "did you mean 'l2l'?")
     lidarlift("train", "l2l", seen, "--crop", "large").refused("--crop large", "HEIGHTxWIDTH")

@@ -1,0 +1,68 @@
+"""Lift as a method of enrichment, run by ONNX Runtime."""
+
+from __future__ import annotations
+
+from importlib.resources.abc import Traversable
+
+import numpy as np
+
+from enrichment.depth_completion import sure
+from enrichment.lift_input import LiftInput, lift_input
+from enrichment.network_method import WEIGHTS, Fallback, session
+from enrichment.ray_segment import RaySegment
+from enrichment.rays import Prediction, RayGrid
+from enrichment.sparse_scan import SparseScan
+from slam.data.cloud import Array
+
+NAME, MULTIPLE = "lift", 8  # columns that the network takes are inside
+SIGMA = np.float32(1.15)  # half the width of the central 68 % interval of a Laplace distribution, in its scales
+
+
+class LiftMethod:
+    """The method: ranges on all rays between two returns, with the network's own sigma.
+
+    The camera helps where it sees; without an image the rings alone decide. Without weights or ONNX Runtime it is
+    ray-segment, and the log says so once. Raises InputError where the weights are damaged. `parameters` is how many
+    were learned, None where the network cannot run.
+    """
+
+    parameters: int | None = None
+
+    def __init__(self, folder: Traversable = WEIGHTS) -> None:
+        self._fallback = Fallback(NAME)
+        self._session = None
+        try:
+            self._session = session(folder / f"{NAME}.onnx")
+            self.parameters = int(self._session.get_modelmeta().custom_metadata_map["parameters"])
+        except (ImportError, FileNotFoundError) as error:
+            self._fallback.fault = f"cannot run here ({error})"
+
+    def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
+        if self._session is None:
+            self._fallback.notice()
+            return RaySegment()(scan, grid)
+        given = lift_input(scan, grid)
+        ranges, sigma = np.zeros(grid.shape, np.float32), np.full(grid.shape, np.inf, np.float32)
+        trusted = np.zeros(grid.shape, bool)
+        rho, scale, valid = self._run(given)
+        known = given.rays[0] > 0
+        stretch = (1 / np.cos(grid.sensor.elevation[given.rows])).astype(np.float32)[:, None]
+        ranges[given.rows] = np.where(known, rho * stretch, np.float32(0))
+        sigma[given.rows] = np.where(known, SIGMA * scale * stretch, np.float32(np.inf))
+        trusted[given.rows] = known & (valid > 0)
+        return Prediction(ranges, sigma, trusted & sure(ranges, sigma))
+
+    def _run(self, given: LiftInput) -> tuple[Array, Array, Array]:
+        """rho, scale and validity, (Q, W) each."""
+        assert self._session is not None
+        columns = given.rays.shape[-1]
+        more = -columns % MULTIPLE
+        around = [
+            np.concatenate([values, values[..., :more]], axis=-1)[None] if more else values[None]
+            for values in (given.rings, given.rays, given.candidates)
+        ]
+        answers = self._session.run(
+            None, {"rings": around[0], "upper": given.upper, "rays": around[1], "candidates": around[2]}
+        )
+        rho, scale, valid = (np.asarray(answer[0, :, :columns]) for answer in answers)
+        return rho, scale, valid

@@ -1,0 +1,136 @@
+"""What Lift learns from: rings of a scan that it is given, and the returns of others that it shall predict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils.data import Dataset as Examples
+
+from enrichment.held_out import ring_step
+from enrichment.lift_input import LiftInput, lift_input
+from enrichment.networks.lift import MULTIPLE
+from enrichment.rays import COLUMNS, RayGrid, columns_for
+from enrichment.sparse_scan import SparseScan
+from enrichment.training.drawing import COARSER, FINER, in_other_light
+from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.dataset import Dataset
+from slam.data.sensor import Sensor
+
+HELD_OUT = 1 / 3  # of the rings, where a LiDAR has few: no two neighbours, so that gaps are twice as wide at most
+BLIND = 0.2  # of the examples have no image
+LARGEST = 1.3  # times as large, or as small, is a scene without an image
+
+
+class LiftExample(NamedTuple):
+    """What `Lift.forward` takes, and the answers: truth (1, Q, W) metres along rho, 0 = no return there."""
+
+    rings: Tensor
+    upper: Tensor
+    rays: Tensor
+    candidates: Tensor
+    truth: Tensor
+
+
+class DrawnScans(Examples[LiftExample]):
+    """`count` examples from number `first` on: rings, image or none, mirror, light and size are drawn.
+
+    A turn of the LiDAR is not: the network does not know where the columns begin. With `own_rings` a sensor of 64 lines
+    is taken for one of every fourth of them, and only these are the answers.
+    """
+
+    def __init__(self, drives: Sequence[Dataset], own_rings: bool, seed: int, first: int, count: int) -> None:
+        self._drives, self._own_rings = drives, own_rings
+        self._places = [(drive, k) for drive in drives for k in range(len(drive))]
+        self._seed, self._first, self._count = seed, first, count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: int) -> LiftExample:
+        number = self._first + index
+        turn, place = divmod(number, len(self._places))
+        drive, k = self._places[np.random.default_rng((self._seed, 0, turn)).permutation(len(self._places))[place]]
+        rng = np.random.default_rng((self._seed, 1, number))
+        frame, sensor = drive[k], drive.sensor
+        assert sensor is not None
+        image = None if frame.image is None or rng.random() < BLIND else in_other_light(frame.image, rng)
+        if image is None:
+            frame = replace(frame, cloud=_resized(frame.cloud, sensor, LARGEST ** rng.uniform(-1, 1)))
+        kept, asked = drawn_rings(sensor, self._own_rings, rng)
+        return example(frame, sensor, kept, asked, image, mirrored=rng.random() < 0.5)
+
+
+class WholeScans(Examples[LiftExample]):
+    """All scans, every so-many-th ring from the first one on, with the image: as while driving."""
+
+    def __init__(self, drives: Sequence[Dataset]) -> None:
+        self._places = [(drive, k) for drive in drives for k in range(len(drive))]
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __getitem__(self, index: int) -> LiftExample:
+        drive, k = self._places[index]
+        frame, sensor = drive[k], drive.sensor
+        assert sensor is not None
+        rings = np.arange(sensor.ring_count)
+        kept = rings % ring_step(sensor) == 0
+        return example(frame, sensor, rings[kept], rings[~kept], frame.image)
+
+
+def drawn_rings(sensor: Sensor, own_rings: bool, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Ids of the rings that are given, and of those that are asked for."""
+    rings, step = np.arange(sensor.ring_count), ring_step(sensor)
+    if step == 4 and not own_rings:
+        step = int(rng.choice((2, 4, 8), p=(FINER, 1 - FINER - COARSER, COARSER)))
+        kept = rings % step == rng.integers(step)
+        return rings[kept], rings[~kept]
+    if step == 4:
+        rings = rings[rng.integers(4) :: 4]
+    held = np.zeros(len(rings), bool)
+    for place in rng.permutation(np.arange(1, len(rings) - 1))[: round(HELD_OUT * len(rings))]:
+        held[place] = not (held[place - 1] or held[place + 1])
+    return rings[~held], rings[held]
+
+
+def example(
+    frame: Frame, sensor: Sensor, kept: Array, asked: Array, image: Array | None, mirrored: bool = False
+) -> LiftExample:
+    """Of a frame with rings; `kept` and `asked` are ring ids, top first."""
+    cloud = frame.cloud
+    assert cloud.ring is not None
+    columns = min(COLUMNS, columns_for(cloud)) // MULTIPLE * MULTIPLE
+    grid = RayGrid(sensor, columns)
+    given = cloud.select(np.isin(cloud.ring, kept))
+    scan = SparseScan(given, sensor, kept, lambda: image, frame.calibration, columns)
+    return _tensors(lift_input(scan, grid), _truth(cloud.select(np.isin(cloud.ring, asked)), grid), mirrored)
+
+
+def _truth(cloud: PointCloud, grid: RayGrid) -> Array:
+    """(R, W) float32: rho of the nearest return on each ray, 0 without any."""
+    assert cloud.ring is not None
+    rho = np.hypot(cloud.xyz[:, 0], cloud.xyz[:, 1])
+    truth = np.full(grid.shape, np.inf, np.float32)
+    np.minimum.at(truth, (cloud.ring.astype(np.int64), grid.column_of(cloud.xyz)), rho)
+    return np.where(np.isfinite(truth), truth, np.float32(0))
+
+
+def _tensors(given: LiftInput, truth: Array, mirrored: bool) -> LiftExample:
+    arrays = (
+        values[..., ::-1] if mirrored else values
+        for values in (given.rings, given.rays, given.candidates, truth[given.rows])
+    )
+    rings, rays, candidates, answers = (torch.from_numpy(np.ascontiguousarray(values))[None] for values in arrays)
+    return LiftExample(rings, torch.from_numpy(given.upper), rays, candidates, answers)
+
+
+def _resized(cloud: PointCloud, sensor: Sensor, factor: float) -> PointCloud:
+    """A scene so many times as large, seen along the same laser lines: scaled from where each laser is."""
+    assert cloud.ring is not None
+    laser = sensor.offset[cloud.ring] * (1 - factor)
+    return cloud.with_xyz((factor * cloud.xyz + np.column_stack([0 * laser, 0 * laser, laser])).astype(np.float32))

@@ -1,0 +1,85 @@
+"""Lift as a task: ranges on rays between rings, on drives."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from enrichment.networks.export import export_lift
+from enrichment.networks.lift import Lift
+from enrichment.networks.lift_loss import lift_loss
+from enrichment.training.checkpoint import Figures
+from enrichment.training.lift_examples import DrawnScans, LiftExample, WholeScans
+from enrichment.training.model_card import lift_card
+from enrichment.training.plan import Plan
+from slam.data.dataset import Dataset
+from slam.data.errors import InputError
+
+CLIP = 5.0
+
+
+def _as_they_are(examples: list[LiftExample]) -> list[LiftExample]:
+    """Scans have different numbers of rings."""
+    return examples
+
+
+@dataclass(frozen=True)
+class LiftTask:
+    """A `Task`, of drives to train on and to validate on. Raises InputError where a drive's rings are unknown.
+
+    own_rings  only what a sparse LiDAR itself measures is used: some of its rings predict the others
+    """
+
+    drives: Sequence[Dataset]
+    validation: Sequence[Dataset]
+    own_rings: bool = False
+    clip = CLIP
+    collate = staticmethod(_as_they_are)
+
+    def __post_init__(self) -> None:
+        for drive in (*self.drives, *self.validation):
+            if drive.sensor is None or drive[0].cloud.ring is None:
+                raise InputError(f"{drive.path}: nobody knows which LiDAR this was; place a sensor.yaml beside it")
+
+    @property
+    def digest(self) -> str:
+        digest = hashlib.sha256(repr(self.own_rings).encode())
+        for use, drives in (("training", self.drives), ("validation", self.validation)):
+            for drive in drives:
+                digest.update(repr((use, drive.name)).encode() + drive.numbers.tobytes())
+        return digest.hexdigest()[:16]
+
+    @property
+    def validated(self) -> bool:
+        return bool(self.validation)
+
+    def network(self, model: str) -> Lift:
+        return Lift()
+
+    def drawn(self, plan: Plan, first: int, count: int) -> DrawnScans:
+        return DrawnScans(self.drives, self.own_rings, plan.seed, first, count)
+
+    def whole(self) -> WholeScans:
+        return WholeScans(self.validation)
+
+    def loss(self, network: nn.Module, batch: list[LiftExample], plan: Plan) -> Tensor:
+        losses = [lift_loss(network(*scan[:4]), scan.rays, scan.candidates, scan.truth) for scan in batch]
+        return torch.stack(losses).mean()
+
+    def errors(self, network: nn.Module, batch: list[LiftExample]) -> tuple[Tensor, Tensor]:
+        (scan,) = batch
+        asked = (scan.truth > 0) & (scan.rays[:, 0] > 0)
+        error = (network(*scan[:4]).ranges - scan.truth)[asked]
+        return error.abs().mean(), error.square().mean().sqrt()
+
+    def export(self, network: nn.Module, folder: Path, name: str) -> None:
+        assert isinstance(network, Lift)
+        export_lift(network, folder, name)
+
+    def card(self, plan: Plan, step: int, best: Figures | None, parameters: int, command: str) -> str:
+        return lift_card(plan, step, best, parameters, self.drives, self.validation, self.own_rings, command)

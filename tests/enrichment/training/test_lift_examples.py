@@ -1,0 +1,84 @@
+"""Lift's examples: which rings are given and which are asked for, and that everything follows from the seed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from enrichment.lift_input import CANDIDATES
+from enrichment.training.lift_examples import DrawnScans, WholeScans, drawn_rings, example
+from enrichment.training.lift_task import LiftTask
+from slam.data.errors import InputError
+from slam.data.sensor import Sensor, load_sensor
+
+HDL64, VLP16 = load_sensor("hdl64"), load_sensor("vlp16")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_of_sixty_four_rings_some_are_given_and_the_others_asked_for(seed: int) -> None:
+    kept, asked = drawn_rings(HDL64, own_rings=False, rng=np.random.default_rng(seed))
+    assert sorted([*kept, *asked]) == list(range(64))
+    assert len(set(np.diff(kept))) == 1
+    assert len(kept) in (8, 16, 32)
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("sensor", [HDL64, VLP16])
+def test_a_sparse_lidars_own_rings_are_held_out_one_by_one(seed: int, sensor: Sensor) -> None:
+    kept, asked = drawn_rings(sensor, own_rings=True, rng=np.random.default_rng(seed))
+    all_of_them = np.sort(np.concatenate([kept, asked]))
+    assert len(all_of_them) == 16
+    place = np.searchsorted(all_of_them, asked)
+    assert 2 <= len(asked) <= 5
+    assert (np.diff(np.sort(place)) > 1).all()
+    assert place.min() > 0
+    assert place.max() < 15
+
+
+def test_answers_are_on_their_rays(drive: Any) -> None:
+    given = WholeScans([drive])[0]
+    known = (given.truth > 0) & (given.rays[:, 0] > 0)
+    assert known.sum() > 10_000
+    segment = given.candidates[:, CANDIDATES.index("segment")]
+    assert (segment - given.truth)[known].abs().median() < 0.05  # ground and a wall: planes nearly everywhere
+
+
+def test_a_mirror_turns_columns_round(drive: Any) -> None:
+    frame, rings = drive[1], np.arange(64)
+    kept, asked = rings[::4], rings[rings % 4 > 0]
+    one, other = (example(frame, HDL64, kept, asked, None, mirrored) for mirrored in (False, True))
+    for name in ("rings", "rays", "candidates", "truth"):
+        torch.testing.assert_close(getattr(one, name), getattr(other, name).flip(-1))
+
+
+def test_the_seed_and_the_number_decide(drive: Any) -> None:
+    first, later = DrawnScans([drive], False, 3, 0, 4), DrawnScans([drive], False, 3, 2, 2)
+    for one, other in zip(first[2], later[0], strict=True):
+        assert torch.equal(one, other)
+    assert not all(
+        one.shape == other.shape and torch.equal(one, other) for one, other in zip(first[2], first[3], strict=True)
+    )
+
+
+def test_every_scan_comes_before_one_comes_again(drive: Any) -> None:
+    looked_at = []
+
+    class Watched(type(drive)):  # type: ignore[misc]
+        def __getitem__(self, position: int) -> Any:
+            looked_at.append(position)
+            return super().__getitem__(position)
+
+    watched = Watched(**vars(drive))
+    scans = DrawnScans([watched], False, 0, 0, 6)
+    for number in range(6):
+        scans[number]
+    assert sorted(looked_at[:3]) == sorted(looked_at[3:]) == [0, 1, 2]
+
+
+def test_without_a_known_lidar_nothing_can_be_held_out(drive: Any) -> None:
+    with pytest.raises(InputError, match=r"nobody knows which LiDAR this was; place a sensor\.yaml beside it"):
+        LiftTask([replace(drive, sensor=None)], [])
