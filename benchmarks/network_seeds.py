@@ -36,7 +36,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=HERE / "RESULTS.md", metavar="FILE")
     parser.add_argument("--json", type=Path, default=HERE / "network_seeds.json", metavar="FILE")
     arguments = parser.parse_args()
-    figures = {model: [trained(arguments.folder, model, seed) for seed in SEEDS] for model in HALF.steps}
+    figures = {model: [trained(arguments.folder, model, seed) for seed in SEEDS] for model in HALF.stages}
     about = surroundings(("torch", "lightning"))
     write_json(arguments.json, {"about": about, "steps": STEPS, "networks": figures})
     write_section(arguments.out, "network-seeds", section(figures, about))
@@ -71,8 +71,8 @@ def section(figures: Mapping[str, Sequence[Mapping[str, float]]], about: Mapping
 * Each {STEPS} steps ({options}, at scale {HALF.scale:g}) on drive 0013, single frames of KITTI odometry and
   stereo 2015, and three simulated towns; figures on 12 frames of KITTI odometry 07, 08 and 10, at returns off the kept
   rings. A seed decides on first weights, order of the examples, crops and dropout. Spread: largest less smallest.
-* A small budget, two passes over the frames: it tells how fast each learns, not where each ends. The paper's
-  order is F2L far before L2L and LI2L, after training on 1730 frames.
+* The paper's own loss, squared but for a trace. A small budget, two passes over the frames: it tells how fast each
+  learns, not where each ends. The paper's order is F2L far before L2L and LI2L, after training on 1730 frames.
 
 {table(HEADER, lines)}"""
 

@@ -3,9 +3,10 @@
     python benchmarks/train_networks.py DATA OUT            half resolution, crops: some hours on two CPU cores
     python benchmarks/train_networks.py DATA OUT --full     whole images at full resolution, on a GPU
 
-DATA is the folder with kitti_raw_0005 and the others of DRIVES, unpacked; towns are simulated. A network first learns
-without drive 0005: OUT/without-0005 has the weights that this drive can be measured with. These go on learning with it,
-and OUT/all has what is shipped. A broken-off training goes on when started again; in the background:
+DATA is the folder with kitti_raw_0005 and the others of DRIVES, unpacked; towns are simulated. A network learns in
+three stages, each from the weights of the one before: OUT/squared with the paper's own loss, without drive 0005;
+OUT/without-0005 with an absolute error beside it: weights that this drive can be measured with; OUT/all with this drive
+too: what is shipped. A broken-off training goes on when started again; in the background:
 nohup python benchmarks/train_networks.py DATA OUT > train.log 2>&1 &
 
 Raw drives first get poses from our own odometry: with them neighbouring scans agree better with the scan itself than
@@ -18,7 +19,7 @@ import argparse
 import shlex
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,26 +40,33 @@ TEST = "KITTI odometry 04"
 
 @dataclass(frozen=True)
 class Size:
-    """How large a training is: scale of the images, a part of the command, and for each network its steps without LAST
-    and, with it, the steps and the learning rate."""
+    """How large a training is: scale of the images, a part of the command, and for each network, stage by stage, steps
+    and learning rate."""
 
     scale: float
     options: tuple[str, ...]
-    steps: dict[str, int]
-    last: dict[str, tuple[int, float]]
+    stages: dict[str, tuple[tuple[int, float], ...]]
 
 
+STAGES = "squared", f"without-{LAST}", "all"
+ABSOLUTE = 10  # weight of the absolute error after the first stage
 HALF = Size(
     0.5,
     ("--crop", "160x304", "--batch", "4", "--device", "cpu", "--bf16"),
-    {"l2l": 1000, "li2l": 1800, "f2l": 1800},
-    {"l2l": (300, 3e-3), "li2l": (400, 1e-3), "f2l": (300, 1e-3)},
+    {
+        "l2l": ((1000, 1e-2), (600, 6e-3), (300, 3e-3)),
+        "li2l": ((1800, 3e-3), (600, 2e-3), (300, 1e-3)),
+        "f2l": ((1800, 3e-3), (450, 2e-3), (300, 1e-3)),
+    },
 )
 FULL = Size(
     1.0,
     ("--crop", "352x1216", "--batch", "8", "--device", "auto"),
-    {"l2l": 10000, "li2l": 10000, "f2l": 10000},
-    {"l2l": (2000, 3e-3), "li2l": (2000, 1e-3), "f2l": (2000, 1e-3)},
+    {
+        "l2l": ((8000, 1e-2), (4000, 6e-3), (2000, 3e-3)),
+        "li2l": ((8000, 3e-3), (4000, 2e-3), (2000, 1e-3)),
+        "f2l": ((8000, 3e-3), (4000, 2e-3), (2000, 1e-3)),
+    },
 )
 
 
@@ -74,13 +82,25 @@ def main() -> None:
         training, validation = packs(arguments.data, out, size)
     except InputError as error:
         sys.exit(f"Error: {error}")
+    for model in arguments.model or size.stages:
+        train(model, training, validation, out, size)
+
+
+def train(model: str, training: Mapping[str, Path], validation: Path, out: Path, size: Size) -> None:
+    """One network through all stages, from where it was broken off."""
     others = [path for name, path in training.items() if name != LAST]
-    for model in arguments.model or size.steps:
-        first = out / f"without-{LAST}" / model
-        train(model, others, validation, first, size, "--steps", size.steps[model])
-        steps, rate = size.last[model]
-        start, rest = first / f"{model}.safetensors", ("--steps", steps, "--rate", rate)
-        train(model, [training[LAST], *others], validation, out / "all" / model, size, *rest, start=start)
+    start: tuple[object, ...] = ()
+    for stage, (steps, rate) in zip(STAGES, size.stages[model], strict=True):
+        folder = out / stage / model
+        data = others if stage != STAGES[-1] else [training[LAST], *others]
+        how = ("--absolute", ABSOLUTE, *start) if start else ()
+        if (folder / "checkpoint.safetensors").exists():
+            how = (*how[:2], "--resume")
+        lidarlift(
+            "train", model, *data, "--validate", validation, "--out", folder, "--scale", size.scale, *size.options,
+            "--steps", steps, "--rate", rate, *how,
+        )  # fmt: skip
+        start = "--start", folder / f"{model}.safetensors"
 
 
 def packs(data: Path, out: Path, size: Size) -> tuple[dict[str, Path], Path]:
@@ -117,19 +137,6 @@ def pack(path: Path, drives: Sequence[Source]) -> Path:
     found: Pack = packed(path, drives)
     print(f"{path}: {len(found)} frames of {', '.join(names)}, {path.stat().st_size / 1e6:.1f} MB", flush=True)
     return path
-
-
-def train(
-    model: str, training: Sequence[Path], validation: Path, out: Path, size: Size, *how: object, start: object = None
-) -> None:
-    """One network, from where it was broken off, or from the weights in the file `start`."""
-    if (out / "checkpoint.safetensors").exists():
-        how = (*how, "--resume")
-    elif start is not None:
-        how = (*how, "--start", start)
-    lidarlift(
-        "train", model, *training, "--validate", validation, "--out", out, "--scale", size.scale, *size.options, *how
-    )
 
 
 def lidarlift(*words: object) -> None:
