@@ -57,12 +57,8 @@ class LiftMethod:
         assert self._session is not None
         columns = given.rays.shape[-1]
         more = -columns % MULTIPLE
-        around = [
-            np.concatenate([values, values[..., :more]], axis=-1)[None] if more else values[None]
-            for values in (given.rings, given.rays, given.candidates)
-        ]
-        answers = self._session.run(
-            None, {"rings": around[0], "upper": given.upper, "rays": around[1], "candidates": around[2]}
-        )
+        images = {"rings": given.rings, "rays": given.rays, "candidates": given.candidates}
+        around = {name: np.concatenate([one, one[..., :more]], axis=-1)[None] for name, one in images.items()}
+        answers = self._session.run(None, {"upper": given.upper, **around})
         rho, scale, valid = (np.asarray(answer[0, :, :columns]) for answer in answers)
         return rho, scale, valid

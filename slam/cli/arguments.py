@@ -15,6 +15,7 @@ from slam.data.errors import InputError
 class Enricher(StrEnum):
     RAY_SEGMENT = "ray-segment"
     JOINT = "joint"
+    LIFT = "lift"
     L2L = "l2l"
     LI2L = "li2l"
     F2L = "f2l"
@@ -23,7 +24,8 @@ class Enricher(StrEnum):
 EnricherOption = Annotated[
     Enricher | None,
     typer.Option(
-        "--enricher", help="What fills in: ray-segment, the default; joint, with the image; or a network of the paper."
+        "--enricher",
+        help="What fills in: ray-segment, the default; joint, with the image; lift; or a network of the paper.",
     ),
 ]
 

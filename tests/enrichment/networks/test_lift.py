@@ -10,7 +10,7 @@ import torch
 from onnxruntime import InferenceSession
 from torch import Tensor
 
-from enrichment import lift_input
+from enrichment import lift_input, lift_method
 from enrichment.networks import lift
 from enrichment.networks.export import export_lift, load_weights
 from enrichment.networks.lift import RESIDUAL, Lift
@@ -45,6 +45,7 @@ def test_the_channels_are_those_of_the_input() -> None:
     assert len(lift_input.RAY_CHANNELS) == lift.RAYS
     assert len(lift_input.CANDIDATES) == lift.CANDIDATES
     assert lift_input.RAY_CHANNELS[lift.SIGMA] == "sigma"
+    assert lift_method.MULTIPLE == lift.MULTIPLE
 
 
 def test_it_is_small() -> None:
