@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 import torch
 from torch import Tensor
@@ -23,6 +24,7 @@ from slam.data.errors import InputError
 
 #: Now and then twice as many rings or half as many, that a network does not know 16 alone.
 FINER, COARSER = 1 / 8, 1 / 8
+NEAR = 5  # cells: width and height of the square around a return in which targets are used
 LIGHT = 0.3  # brightness, contrast and saturation change by up to such a share
 
 
@@ -90,10 +92,20 @@ def drawn(sample: Sample, crop: tuple[int, int], rng: np.random.Generator) -> Ex
     phase = int(rng.integers(step))
     top, left = (int(rng.integers(room + 1)) for room in np.subtract(sample.target.shape, crop))
     window = Window(top, left, *crop)
-    image, depth, target = window.cut(sample.image), sparse(sample, window, step, phase), window.cut(sample.target)
+    image, depth = window.cut(sample.image), sparse(sample, window, step, phase)
+    target = window.cut(np.where(looked_at(sample), sample.target, np.float32(0)))
     if rng.random() < 0.5:
         image, depth, target = image[:, ::-1], depth[:, ::-1], target[:, ::-1]
     return _example(in_other_light(image, rng), depth, target)
+
+
+def looked_at(sample: Sample) -> Array:
+    """(H, W) bool: the cells near returns of any ring. Exact depth is known above them too, up to the roofs: half of
+    its squared error would come from there, where no input tells anything and nobody asks."""
+    returns = sample.returns
+    cells = cells_of(np.column_stack([returns["column"], returns["row"]]).astype(float), sample.scale)
+    measured = nearest(cells, returns["depth"] / STEPS, (sample.target.shape[0], sample.target.shape[1])) > 0
+    return np.asarray(cv2.dilate(measured.astype(np.uint8), np.ones((NEAR, NEAR), np.uint8)) > 0)
 
 
 def sparse(sample: Sample, window: Window, step: int, phase: int) -> Array:
