@@ -12,7 +12,7 @@ from scipy.sparse import coo_array, diags_array
 from scipy.sparse.linalg import cg
 from scipy.spatial import Delaunay, QhullError
 
-from enrichment.image_rays import between_returns, nearest_pixel, rays_before_camera, see
+from enrichment.image_rays import ImageRays, between_returns, nearest_pixel, rays_before_camera, see
 from enrichment.rays import Prediction, RayGrid
 from enrichment.sparse_scan import SparseScan
 from slam.data.cloud import Array
@@ -129,9 +129,13 @@ class DepthCompletion:
             known = np.isfinite(met)
             ray = rays.row[known], rays.column[known]
             u, v = nearest_pixel(rays.pixels(met)[known])
-            ranges[ray] = met[known]
+            ranges[ray] = self.corrected(met, rays, dense, scan, grid)[known]
             sigma[ray] = LEAST_SIGMA + self.spread_share * _spread(dense)[v, u]
         return Prediction(ranges, sigma, trusted=sure(ranges, sigma))
+
+    def corrected(self, met: Array, rays: ImageRays, dense: Array, scan: SparseScan, grid: RayGrid) -> Array:
+        """(M,) metres, of ranges (M,) at which rays met the depth image: here, the same."""
+        return met
 
 
 def sure(ranges: Array, sigma: Array) -> Array:

@@ -60,10 +60,10 @@ def same(one: Prediction, other: Prediction) -> None:
 def test_rays_before_the_camera_end_at_the_networks_depth(
     name: str, scale: float, scan: SparseScan, grid: RayGrid, tmp_path: Path
 ) -> None:
-    found, plain = always(10.0, tmp_path, name, scale)(scan, grid), RaySegment()(scan, grid)
+    found, plain = always(200.0, tmp_path, name, scale)(scan, grid), RaySegment()(scan, grid)
     row, column = np.nonzero(found.ranges != plain.ranges)
     pixels, depth = project(grid.points(found.ranges[row, column], row, column), CALIBRATION)
-    np.testing.assert_allclose(depth, 10.0, rtol=1e-5)
+    np.testing.assert_allclose(depth, 200.0, rtol=1e-5)
     assert len(row) > 5000
     assert (np.abs(pixels - (150, 46)) <= (151, 47)).all()
     assert found.trusted[row, column].all()  # nothing could be smoother
@@ -85,6 +85,21 @@ def test_a_wall_is_where_it_was_measured(scan: SparseScan, grid: RayGrid, tmp_pa
     assert (found.ranges[known] != plain.ranges[known]).mean() > 0.9
     rho = found.ranges * np.cos(grid.sensor.elevation)[:, None]
     np.testing.assert_allclose((rho * np.cos(grid.azimuth))[known], 15.0, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("factor", "wrong"), [(0.9, False), (1.1, False), (0.5, True)])
+def test_it_is_put_right_by_the_returns_above_and_below(
+    factor: float, wrong: bool, scan: SparseScan, grid: RayGrid, tmp_path: Path
+) -> None:
+    """A wall that a network has too near or too far; half as far is another thing before it."""
+    wall = replace(scan, cloud=scan.cloud.select(scan.cloud.xyz[:, 0] > 14.99))
+    found, plain = always(factor * 14.7, tmp_path)(wall, grid), RaySegment()(wall, grid)  # 0.3 m before the LiDAR
+    known = (plain.ranges > 0) & (np.abs(grid.azimuth) < 0.6)
+    rho = found.ranges * np.cos(grid.sensor.elevation)[:, None]
+    changed = known & (found.ranges != plain.ranges)
+    assert changed.sum() > 0.8 * known.sum()
+    expected = factor * 14.7 + 0.3 if wrong else 15.0
+    np.testing.assert_allclose((rho * np.cos(grid.azimuth))[changed], expected, rtol=5e-3)
 
 
 def test_what_is_no_depth_leaves_ray_segment(scan: SparseScan, grid: RayGrid, tmp_path: Path) -> None:
