@@ -1,10 +1,9 @@
 """How well do methods of enrichment predict what sixteen of 64 rings do not show? The paper's Table II, and more.
 
-    python benchmarks/depth_methods.py kitti_odometry_04 kitti_raw_0005 kitti_raw_0013 [--unseen NAME=FOLDER ...]
+    python benchmarks/depth_methods.py kitti_odometry_04 kitti_raw_0005 kitti_raw_0013
 
 measures every method on every frame of the drives; writes the depth section of benchmarks/RESULTS.md and
-benchmarks/depth_methods.json. Networks run with the shipped weights; --unseen names a drive that these were trained on
-and the folder with weights that were not, where benchmarks/train_networks.py --leave-out has made them.
+benchmarks/depth_methods.json.
 """
 
 from __future__ import annotations
@@ -19,12 +18,10 @@ from typing import Any
 from report import number, surroundings, table, write_section
 
 from enrichment.methods import NETWORK_METHODS, make_methods, runnable
-from enrichment.network_method import ImageNetwork
-from enrichment.sparse_scan import Method
 from eval.depth_tables import PAPER
 from eval.evaluation import write_json
 from slam.cli.depth_benchmark import report_of_drive
-from slam.data.dataset import Dataset, open_dataset
+from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 
 HERE = Path(__file__).parent
@@ -33,36 +30,25 @@ HEADER = (
     "method", "MAE mm", "RMSE mm", "median mm", "> 0.3 m %", "> 1 m %", "coverage %", "AUSE mm", "in sigma %",
     "MAE best 80 %", "RMSE best 80 %", "> 1 m best 80 %", "ms",
 )  # fmt: skip
-RAW, TRAINED_ON = "KITTI raw", "0013"  # the shipped networks have seen 0013, and so have those that --unseen names
+RAW, TRAINED_ON = "KITTI raw", "0013"  # the shipped networks have seen 0013
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET")
-    parser.add_argument("--unseen", nargs="+", default=[], metavar="NAME=FOLDER", help="a drive's name, or its end")
     parser.add_argument("--out", type=Path, default=HERE / "RESULTS.md", metavar="FILE")
     parser.add_argument("--json", type=Path, default=HERE / "depth_methods.json", metavar="FILE")
     arguments = parser.parse_args()
-    folders = dict(pair.split("=", 1) for pair in arguments.unseen)
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     reports: dict[str, Any] = {}
     try:
         for data in map(open_dataset, arguments.datasets):
-            reports[data.name] = report_of_drive(data, methods_for(data, folders))
+            reports[data.name] = report_of_drive(data, make_methods(runnable()))
     except InputError as error:
         sys.exit(f"error: {error}")
     about = surroundings(("numpy", "opencv-python-headless", "onnxruntime"))
     write_json(arguments.json, {"about": about, "drives": reports})
     write_section(arguments.out, "depth", section(reports, about))
-
-
-def methods_for(data: Dataset, folders: Mapping[str, str]) -> dict[str, Method]:
-    """All methods, the networks with weights that have not seen the drive."""
-    methods = make_methods(runnable())
-    for name, folder in folders.items():
-        if data.name.endswith(name):
-            methods |= {network: ImageNetwork(network, Path(folder) / network) for network in NETWORK_METHODS}
-    return methods
 
 
 def targets(reports: Mapping[str, Any]) -> Iterable[tuple[str, ...]]:
@@ -116,10 +102,10 @@ def networks(reports: Mapping[str, Any]) -> str:
         return ""
     sizes = {name: report[name]["parameters"] for report in reports.values() for name in ran if name in report}
     lines = [(name, f"{sizes[name]:,}", *(str(PAPER[name][key]) for key in ("rmse_mm", "mae_mm"))) for name in ran]
-    return f"""The paper's networks, l2l, li2l and f2l, were trained at half the resolution, for an hour or less each on a
-CPU; on 0005 they run with weights that have not seen it. 04 is in no training; 0013 is, so that their rows there are no
-test. Their depths are put right by the returns above and below each ray. All around they take ray-segment's ranges
-outside of the image. The paper's own Table II, on other frames and after training on 1730:
+    return f"""The paper's networks, l2l, li2l and f2l, were trained at half the resolution, for an hour or less each on
+a CPU. 04 and 0005 are in no training; 0013 is, so that their rows there are no test. Their depths are put right by the
+returns above and below each ray. All around they take ray-segment's ranges outside of the image. The paper's own
+Table II, on other frames and after training on 1730:
 
 {table(("network", "parameters here", "RMSE mm", "MAE mm"), lines)}
 """
@@ -136,7 +122,7 @@ def section(reports: Mapping[str, Any], about: Mapping[str, Any]) -> str:
     return f"""## Depth
 
 {about["date"]}, {about["cpu"]}, one core. `python benchmarks/depth_methods.py kitti_odometry_04 kitti_raw_0005
-kitti_raw_0013 [--unseen 0005=WEIGHTS]`
+kitti_raw_0013`
 
 * Every 4th ring from ring 0 is what a method sees; the returns of the other 48 are the answers, asked for on the
   calibrated line of their ring at the centre of their azimuth column, never in their own direction.

@@ -1,9 +1,8 @@
 """The paper's Table III with its networks as the front end, beside plain 16 channels, ray-segment and 64.
 
-    python benchmarks/network_odometry.py kitti_odometry_04 kitti_raw_0005 [--unseen NAME=FOLDER ...]
+    python benchmarks/network_odometry.py kitti_odometry_04 kitti_raw_0005
 
-writes the network-odometry section of benchmarks/RESULTS.md and benchmarks/network_odometry.json. --unseen as in
-depth_methods.py.
+writes the network-odometry section of benchmarks/RESULTS.md and benchmarks/network_odometry.json.
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from depth_methods import methods_for
 from enriched_odometry import Runner, apart
 from report import number, surroundings, table, write_section
 
 from enrichment.enricher import Enricher
+from enrichment.methods import make_methods, runnable
 from eval.evaluation import evaluate, write_json
 from eval.trajectory import STATISTICS
 from slam.config import load_config
@@ -39,15 +38,13 @@ HEADER = ("drive", "input", *(f"{name} m" for name in PAPER_ORDER), "ATE cm", "t
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET")
-    parser.add_argument("--unseen", nargs="+", default=[], metavar="NAME=FOLDER")
     parser.add_argument("--out", type=Path, default=HERE / "RESULTS.md", metavar="FILE")
     parser.add_argument("--json", type=Path, default=HERE / "network_odometry.json", metavar="FILE")
     arguments = parser.parse_args()
-    folders = dict(pair.split("=", 1) for pair in arguments.unseen)
     rows: list[dict[str, Any]] = []
     try:
         for data in map(open_dataset, arguments.datasets):
-            rows += measured(data, folders)
+            rows += measured(data)
     except InputError as error:
         sys.exit(f"error: {error}")
     about = surroundings(("numpy", "numba", "onnxruntime"))
@@ -55,13 +52,13 @@ def main() -> None:
     write_section(arguments.out, "network-odometry", section(rows, about))
 
 
-def measured(data: Dataset, folders: Mapping[str, str]) -> list[dict[str, Any]]:
+def measured(data: Dataset) -> list[dict[str, Any]]:
     """A row an input. Raises InputError where the drive has no ground truth."""
     truth = data.ground_truth
     if truth is None or data.sensor is None:
         raise InputError(f"{data.path}: no ground truth to compare with; choose another drive")
     frames = [data[position] for position in range(len(data))]
-    run, methods = Runner(data, frames, None), methods_for(data, folders)
+    run, methods = Runner(data, frames, None), make_methods(set(ENRICHERS) & set(runnable()))
     sparse = RingFrontEnd(load_config(input="16").front_end, data.sensor)
     inputs: dict[str, tuple[str, FrontEnd]] = {"64": ("64", RingFrontEnd(load_config().front_end, data.sensor))}
     inputs["16"] = "16", sparse
@@ -102,13 +99,13 @@ def section(rows: Sequence[Mapping[str, Any]], about: Mapping[str, Any]) -> str:
     return f"""## The paper's Table III with its networks
 
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores. `python benchmarks/network_odometry.py kitti_odometry_04
-kitti_raw_0005 --unseen 0005=WEIGHTS`
+kitti_raw_0005`
 
 * RPE of the translation over consecutive frames after SE(3) Umeyama alignment, the definition of the paper's table
   (there over 30 pairs). It hardly sees drift, and at these values mostly the noise of the ground truth: ATE, and the
   distance to the trajectory of our odometry on 64 channels, stand beside it.
-* l2l, li2l, f2l: sixteen rings with the network's depth on virtual rays in the image, ray-segment's beside it; on 0005
-  with weights that have not seen it. The ground truth of 0005 is itself off by most of a metre.
+* l2l, li2l, f2l: sixteen rings with the network's depth on virtual rays in the image, ray-segment's beside it. They
+  were trained on neither drive. The ground truth of 0005 is itself off by most of a metre.
 
 {table(HEADER, lines, words=2)}"""
 

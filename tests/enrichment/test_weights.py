@@ -1,0 +1,49 @@
+"""The weights that are shipped: whole, small, with their cards, and the same in both of their files."""
+
+from __future__ import annotations
+
+import numpy as np
+import onnxruntime
+import pytest
+import torch
+
+from enrichment.methods import NETWORK_METHODS, runnable
+from enrichment.network_method import WEIGHTS
+from enrichment.networks.export import load_weights
+from enrichment.networks.registry import NETWORKS
+
+MOST = 25e6  # bytes, all networks together
+
+
+def test_each_has_both_files_and_a_card_and_can_run() -> None:
+    assert set(NETWORK_METHODS) <= set(runnable())
+    for name in NETWORK_METHODS:
+        assert (WEIGHTS / f"{name}.safetensors").is_file()
+        card = (WEIGHTS / f"{name}.md").read_text()
+        for heading in ("## Data", "## Training", "## Figures", "## Licence"):
+            assert heading in card
+        assert f"lidarlift train {name}" in card
+        assert "non-commercial use only" in card
+        assert "KITTI odometry 04" not in card  # the drives for tests
+        assert "drive_0005" not in card
+
+
+def test_they_are_small() -> None:
+    assert sum(len(file.read_bytes()) for file in WEIGHTS.iterdir()) < MOST
+
+
+@pytest.mark.parametrize("name", NETWORK_METHODS)
+def test_onnx_gives_torchs_depths(name: str) -> None:
+    """To a millimetre, of a scene with sparse depths of up to 60 m."""
+    generator = torch.Generator().manual_seed(0)
+    image, depth = (torch.rand(1, channels, 96, 160, generator=generator) for channels in (3, 1))
+    given = {"image": image, "depth": torch.where(depth < 0.05, 1200 * depth, 0)}
+    network = NETWORKS[name]().eval()
+    load_weights(network, WEIGHTS / f"{name}.safetensors")  # type: ignore[arg-type]  # a path, installed unpacked
+    with torch.no_grad():
+        expected = network(**given).numpy()
+    session = onnxruntime.InferenceSession((WEIGHTS / f"{name}.onnx").read_bytes())
+    inputs = [entry.name for entry in session.get_inputs()]
+    (dense,) = session.run(None, {key: given[key].numpy() for key in inputs})
+    assert expected.std() > 1
+    np.testing.assert_allclose(dense, expected, rtol=0, atol=1e-3)
