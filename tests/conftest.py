@@ -11,6 +11,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# No test fails by the clock: on a busy machine, or where a kernel is compiled on its first call, examples take longer.
+settings.register_profile("unhurried", deadline=None)
+settings.load_profile("unhurried")
 
 DEFAULT_ARCHIVES = Path(__file__).resolve().parents[1] / ".." / "shared" / "data"
 
