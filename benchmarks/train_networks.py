@@ -4,8 +4,9 @@
     python benchmarks/train_networks.py DATA OUT --full     whole images at full resolution, on a GPU
 
 DATA is the folder with kitti_raw_0013 and the others below, unpacked; towns are simulated. A network learns in two
-stages: OUT/squared with the paper's own loss, and from there, with an absolute error beside it, OUT/absolute, which is
-shipped. A broken-off training goes on when started again; in the background:
+stages: OUT/squared with the paper's own loss, and from there, with an absolute error beside it, OUT/absolute.
+The shipped weights were made so by and by, as their cards tell. A broken-off training goes on when started again; in
+the background:
 nohup python benchmarks/train_networks.py DATA OUT > train.log 2>&1 &
 
 Raw drives first get poses from our own odometry: with them neighbouring scans agree better with the scan itself than

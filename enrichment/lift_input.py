@@ -41,7 +41,7 @@ class LiftInput:
     rows: Array
 
 
-def lift_input(scan: SparseScan, grid: RayGrid, with_image: bool = True) -> LiftInput:
+def lift_input(scan: SparseScan, grid: RayGrid) -> LiftInput:
     """Nothing but the scan's own returns, the lines of the grid and the image enter: no answer can leak."""
     sensor = grid.sensor
     upper = scan.rows_above(sensor)
@@ -61,7 +61,7 @@ def lift_input(scan: SparseScan, grid: RayGrid, with_image: bool = True) -> Lift
     rings[1] = np.log(np.maximum(rho, 0.1) / 10) * rings[0]
     rings[2] = z / 3 * rings[0]
     rings[3, 1:], rings[4, :-1] = gap[:, None], gap[:, None]
-    if with_image and scan.image is not None and scan.calibration is not None:
+    if scan.image is not None and scan.calibration is not None:
         image = cv2.GaussianBlur(_pinhole(scan.image, scan.calibration), (0, 0), BLUR)
         projection = scan.calibration.K @ scan.calibration.T_camera_lidar[:3]
         pixels = lift_kernels.colours_of_rings(scan.cloud.xyz, scan.points, projection, image, rings[5:])

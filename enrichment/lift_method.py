@@ -8,7 +8,7 @@ import numpy as np
 
 from enrichment.depth_completion import sure
 from enrichment.lift_input import LiftInput, lift_input
-from enrichment.network_method import WEIGHTS, Fallback, session
+from enrichment.network_method import WEIGHTS, Fallback, noted, session
 from enrichment.ray_segment import RaySegment
 from enrichment.rays import Prediction, RayGrid
 from enrichment.sparse_scan import SparseScan
@@ -32,8 +32,9 @@ class LiftMethod:
         self._fallback = Fallback(NAME)
         self._session = None
         try:
-            self._session = session(folder / f"{NAME}.onnx")
-            self.parameters = int(self._session.get_modelmeta().custom_metadata_map["parameters"])
+            file = folder / f"{NAME}.onnx"
+            self._session = session(file)
+            self.parameters = int(noted(self._session, file, "parameters"))
         except (ImportError, FileNotFoundError) as error:
             self._fallback.fault = f"cannot run here ({error})"
 

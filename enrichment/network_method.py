@@ -110,6 +110,14 @@ def session(file: Traversable) -> InferenceSession:
         raise InputError(f"{file}: no ONNX network, or damaged ({' '.join(str(error).split())}); {AFRESH}") from error
 
 
+def noted(session: InferenceSession, file: Traversable, name: str) -> float:
+    """A number of a network's metadata. Raises InputError where it is missing."""
+    try:
+        return float(session.get_modelmeta().custom_metadata_map[name])
+    except (KeyError, ValueError) as error:
+        raise InputError(f"{file}: a network that does not say its {name}; {AFRESH}") from error
+
+
 def off_by(dense: Array, scan: SparseScan) -> Array:
     """(N,) float32: how many times as far as a dense depth image (H, W) has it each point of the scan really is, within
     1 / (1 + AMISS) and 1 + AMISS; NaN where the camera does not see it or the image has something else there."""
@@ -131,11 +139,7 @@ class OnnxNetwork:
     def __init__(self, file: Traversable) -> None:
         self._session = session(file)
         self._inputs = [entry.name for entry in self._session.get_inputs()]  # L2L has no image
-        about = self._session.get_modelmeta().custom_metadata_map
-        try:
-            self.scale, self.parameters = float(about["scale"]), int(about["parameters"])
-        except (KeyError, ValueError) as error:
-            raise InputError(f"{file}: a network without scale or number of parameters; {AFRESH}") from error
+        self.scale, self.parameters = noted(self._session, file, "scale"), int(noted(self._session, file, "parameters"))
 
     def __call__(self, sparse: Array, image: Array) -> Array:
         if not sparse.any():

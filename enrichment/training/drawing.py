@@ -63,10 +63,19 @@ class Drawn(Dataset[Example]):
         return self._count
 
     def __getitem__(self, index: int) -> Example:
-        number = self._first + index
-        turn, place = divmod(number, len(self._frames))
-        pack, k = self._frames[np.random.default_rng((self._seed, 0, turn)).permutation(len(self._frames))[place]]
-        return drawn(pack[k], self._crop, np.random.default_rng((self._seed, 1, number)))
+        place, rng = in_turn(self._seed, self._first + index, len(self._frames))
+        pack, k = self._frames[place]
+        return drawn(pack[k], self._crop, rng)
+
+
+def in_turn(seed: int, number: int, count: int) -> tuple[int, np.random.Generator]:
+    """Which of `count` frames example `number` is made of, and what draws the rest of it.
+
+    All frames come once, in a new order each time, before one comes again.
+    """
+    turn, place = divmod(number, count)
+    order = np.random.default_rng((seed, 0, turn)).permutation(count)
+    return int(order[place]), np.random.default_rng((seed, 1, number))
 
 
 class Whole(Dataset[Example]):

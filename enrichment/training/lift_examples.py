@@ -16,7 +16,7 @@ from enrichment.lift_input import LiftInput, lift_input
 from enrichment.networks.lift import MULTIPLE
 from enrichment.rays import COLUMNS, RayGrid, columns_for
 from enrichment.sparse_scan import SparseScan
-from enrichment.training.drawing import COARSER, FINER, in_other_light
+from enrichment.training.drawing import COARSER, FINER, in_other_light, in_turn
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import Dataset
 from slam.data.sensor import Sensor
@@ -52,10 +52,8 @@ class DrawnScans(Examples[LiftExample]):
         return self._count
 
     def __getitem__(self, index: int) -> LiftExample:
-        number = self._first + index
-        turn, place = divmod(number, len(self._places))
-        drive, k = self._places[np.random.default_rng((self._seed, 0, turn)).permutation(len(self._places))[place]]
-        rng = np.random.default_rng((self._seed, 1, number))
+        place, rng = in_turn(self._seed, self._first + index, len(self._places))
+        drive, k = self._places[place]
         frame, sensor = drive[k], drive.sensor
         assert sensor is not None
         image = None if frame.image is None or rng.random() < BLIND else in_other_light(frame.image, rng)

@@ -62,8 +62,10 @@ def train(
     epochs: Annotated[int | None, typer.Option(min=1, help=f"Times through all frames. Default: {EPOCHS}.")] = None,
     steps: Annotated[int | None, typer.Option(min=1, help="Instead: so many steps.")] = None,
     batch: Annotated[int, typer.Option(min=1, help="Examples a step (on each GPU).")] = 4,
-    crop: Annotated[str, typer.Option(help="Height and width of an example, at --scale.")] = "160x304",
-    scale: Annotated[float, typer.Option(min=0.1, max=1.0, help="Of the images.")] = 0.5,
+    crop: Annotated[
+        str, typer.Option(help="Height and width of an example, at --scale; lift takes whole scans.")
+    ] = "160x304",
+    scale: Annotated[float, typer.Option(min=0.1, max=1.0, help="Of the images; lift takes them whole.")] = 0.5,
     seed: Annotated[int, typer.Option(min=0, help="Of the first weights, the examples and dropout.")] = 0,
     rate: Annotated[float | None, typer.Option(min=0, help="Highest learning rate. Default: the model's own.")] = None,
     absolute: Annotated[
@@ -111,6 +113,8 @@ def train(
             f"--start {start}: a training that is resumed has weights; leave one of --start and --resume out"
         )
     if model == LIFT:
+        if poses or pack:
+            raise InputError(f"{LIFT} needs neither --poses nor --pack: it learns from single scans, read as they come")
         task, count = _lift_task(datasets, validate or [], self_supervised)
     else:
         packs = _packs(datasets, poses or [], pack or out / "train.npz", scale)

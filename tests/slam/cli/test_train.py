@@ -83,6 +83,7 @@ def test_lift_learns_from_drives_and_adapts_by_a_lidars_own_rings(lidarlift: Com
     assert "no ground truth was used" in card
     assert "learning rate up to 0.0003" in card
     lidarlift("train", "l2l", seen, "--self-supervised").refused("--self-supervised", "choose lift")
+    lidarlift("train", "lift", seen, "--pack", "some.npz").refused("lift needs neither --poses nor --pack")
     lidarlift("train", "lift", "some.npz").refused("some.npz: lift learns from drives, not from packs")
 
 
