@@ -45,18 +45,26 @@ def ip_basic(sparse: Array, _image: Array) -> Array:
     """Morphology on inverted depth, so that nearer surfaces win (Ku, Harakeh, Waslander, "In Defense of Classical Image
     Processing", CRV 2018), with a tall first kernel. The image's top is not filled with the highest depths: it is sky.
     """
+    return morphed(sparse, 1.0)
+
+
+def morphed(sparse: Array, scale: float) -> Array:
+    """The same on depth images of `scale` cells a pixel."""
     if not sparse.any():
         return sparse
+    tall, aside, close, fill, large, blur = (
+        max(2 * round((size * scale - 1) / 2) + 1, 3) for size in (*TALL, CLOSE, FILL, LARGE_FILL, BLUR)
+    )
     far = np.float32(sparse.max() + ROOM)
     inverted = np.where(sparse > 0, far - sparse, np.float32(0))
-    inverted = cv2.dilate(inverted, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, TALL[::-1]))
-    inverted = cv2.morphologyEx(inverted, cv2.MORPH_CLOSE, np.ones((CLOSE, CLOSE), np.uint8))
-    for size in (FILL, LARGE_FILL):
+    inverted = cv2.dilate(inverted, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (aside, tall)))
+    inverted = cv2.morphologyEx(inverted, cv2.MORPH_CLOSE, np.ones((close, close), np.uint8))
+    for size in (fill, large):
         inverted = np.where(inverted > 0, inverted, cv2.dilate(inverted, np.ones((size, size), np.uint8)))
-    inverted = cv2.medianBlur(inverted, BLUR)
+    inverted = cv2.medianBlur(inverted, blur)
     known = inverted > 0
-    share = cv2.GaussianBlur(known.astype(np.float32), (BLUR, BLUR), 0)  # of a blurred depth that is known
-    return np.where(known, far - cv2.GaussianBlur(inverted, (BLUR, BLUR), 0) / np.maximum(share, 1e-6), np.float32(0))
+    share = cv2.GaussianBlur(known.astype(np.float32), (blur, blur), 0)  # of a blurred depth that is known
+    return np.where(known, far - cv2.GaussianBlur(inverted, (blur, blur), 0) / np.maximum(share, 1e-6), np.float32(0))
 
 
 def delaunay(sparse: Array, _image: Array) -> Array:

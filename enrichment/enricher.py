@@ -48,6 +48,8 @@ class Enricher:
         self.target = target or denser(lines, rings)
         self._columns: int | None = None  # as many as the first scan fills
         self._row_of_ring = np.abs(heights(lines)[:, None] - heights(self.target)).argmin(axis=1)
+        self._ring_of_row = np.full(self.target.ring_count, -1)
+        self._ring_of_row[self._row_of_ring[rings]] = rings
 
     def __call__(self, frame: Frame, history: History) -> PointCloud:
         """The cloud of a frame, in the sensor's own geometry: neither deskewed nor vertically corrected."""
@@ -56,8 +58,14 @@ class Enricher:
             return cloud
         self._columns = self._columns or columns_for(cloud)
         grid = RayGrid(self.target, self._columns)
-        scan = SparseScan(cloud, self.lines, self.rings, frame.read_image, frame.calibration, self._columns)
+        past = [(self._as_measured(then), T_now_then) for then, T_now_then in history if then.ring is not None]
+        scan = SparseScan(cloud, self.lines, self.rings, frame.read_image, frame.calibration, self._columns, past)
         return self._joined(scan, grid, self.method(scan, grid))
+
+    def _as_measured(self, cloud: PointCloud) -> PointCloud:
+        """What was measured of a cloud made here, with the sparse cloud's ring ids."""
+        measured = cloud.select(cloud.measured)
+        return replace(measured, ring=self._ring_of_row[measured.ring])
 
     def _joined(self, scan: SparseScan, grid: RayGrid, prediction: Prediction) -> PointCloud:
         """The scan's points and the predicted ones that are kept."""

@@ -7,11 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from enrichment.rays import Prediction, RayGrid
-from enrichment.sparse_scan import SparseScan
+from enrichment.sparse_scan import Past, SparseScan
+from slam.data import se3
 from slam.data.camera import project, visible
 from slam.data.cloud import Array, Frame
+from slam.data.dataset import Dataset
 from slam.data.errors import InputError
 from slam.data.sensor import Sensor
+
+PAST = 5  # scans, as many as a front end is shown while driving
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +39,29 @@ class HeldOut:
         return prediction.ranges[ray], prediction.sigma[ray], prediction.trusted[ray]
 
 
+def past_of(data: Dataset, position: int, count: int = PAST) -> Past:
+    """Up to `count` scans before one of a drive, newest last, placed by the drive's true poses; none without these."""
+    poses = data.ground_truth
+    if poses is None or np.isnan(poses[position]).any():
+        return ()
+    known = [then for then in range(max(position - count, 0), position) if not np.isnan(poses[then]).any()]
+    clouds = [data[then].cloud for then in known]
+    now_world = se3.inverse(poses[position])
+    return [
+        (cloud, now_world @ poses[then]) for then, cloud in zip(known, clouds, strict=True) if cloud.ring is not None
+    ]
+
+
 def ring_step(sensor: Sensor) -> int:
     """Every so-many-th ring is kept: 4 where that leaves sixteen or more, else 2."""
     return 4 if sensor.ring_count >= 64 else 2
 
 
-def hold_out(frame: Frame, grid: RayGrid, phase: int = 0) -> HeldOut:
-    """Rings phase, phase + step, ... of a frame kept, the others held out. Raises InputError without rings."""
+def hold_out(frame: Frame, grid: RayGrid, phase: int = 0, past: Past = ()) -> HeldOut:
+    """Rings phase, phase + step, ... of a frame kept, and of the `past` scans before it; the others held out.
+
+    Raises InputError without rings.
+    """
     cloud, step = frame.cloud, ring_step(grid.sensor)
     if cloud.ring is None:
         raise InputError(f"scan {frame.index}: nobody knows which laser its points came from; name the LiDAR: --sensor")
@@ -54,7 +74,7 @@ def hold_out(frame: Frame, grid: RayGrid, phase: int = 0) -> HeldOut:
     if image is not None and frame.calibration is not None:
         seen = visible(*project(cloud.xyz, frame.calibration), image.shape)[np.isin(cloud.ring, dropped)]
     return HeldOut(
-        scan=SparseScan(cloud, grid.sensor, rings, lambda: image, frame.calibration).without(dropped),
+        scan=SparseScan(cloud, grid.sensor, rings, lambda: image, frame.calibration, past=past).without(dropped),
         ring=out.ring,
         column=grid.column_of(out.xyz),
         ranges=grid.range_of(out.xyz, out.ring).astype(np.float32),

@@ -6,7 +6,15 @@ import numpy as np
 from numba import njit
 
 STEPS = 12  # pixels looked at on each half of the way between the returns above and below
+UNSURE = 0.4  # m: rays whose segment has a larger sigma are looked at once more
+#: Returns near by: rings from the one above the ray on, columns, and of how many the one is from the next.
+RINGS_NEAR, COLUMNS_NEAR, APART = (-1, 3), 8, 2
+#: A return's weight falls by e with so many pixels to the side, pixels up or down, and levels of colour (of 255); all
+#: of them together weigh RETURNS, the edge and the filled depth 1 each.
+BESIDE, UP, COLOUR, RETURNS = 20.0, 30.0, 25.0, 2.0
 LEAST, MOST = 0.8, 1.25  # of the nearer and the further return: how far surfaces are extended
+NEAR_RAY = 0.15  # of the gap between two rings: past returns so near a ray are asked
+AGE = 0.02  # of the gap: so much nearer to the ray is a return worth that is one scan older
 
 
 @njit(inline="always")
@@ -25,6 +33,14 @@ def _extended(rho, z, beyond_rho, beyond_z, tangent, offset, low, high):
     return _bounded(rho + share * forth, low, high)
 
 
+@njit(inline="always")
+def _met(rho, z, beyond_rho, beyond_z, tangent, offset):
+    """rho where a ray meets the segment between two returns, or its nearer end."""
+    forth, down = beyond_rho - rho, beyond_z - z
+    above, fall = z - tangent * rho - offset, tangent * forth - down
+    return rho + _bounded(above / fall if fall != 0.0 else 0.5, 0.0, 1.0) * forth
+
+
 @njit(cache=True, nogil=True)
 def between_rings(rho, z, length, slope, turn, beside, sigma, upper, tangent, offset, row_share, gap, channels):
     """`rays` and `candidates` of LiftInput, without what the image gives.
@@ -33,16 +49,13 @@ def between_rings(rho, z, length, slope, turn, beside, sigma, upper, tangent, of
     """
     rings, columns = rho.shape
     rays = np.zeros((channels, len(upper), columns), np.float32)
-    candidates = np.zeros((6, len(upper), columns), np.float32)
+    candidates = np.zeros((8, len(upper), columns), np.float32)
     for row in range(len(upper)):
         k = upper[row]
         for c in range(columns):
             if length[k, c] == 0.0:
                 continue
-            forth, down = rho[k + 1, c] - rho[k, c], z[k + 1, c] - z[k, c]
-            above, fall = z[k, c] - tangent[row] * rho[k, c] - offset[row], tangent[row] * forth - down
-            share = _bounded(above / fall if fall != 0.0 else 0.5, 0.0, 1.0)
-            met = rho[k, c] + share * forth
+            met = _met(rho[k, c], z[k, c], rho[k + 1, c], z[k + 1, c], tangent[row], offset[row])
             low, high = LEAST * min(rho[k, c], rho[k + 1, c]), MOST * max(rho[k, c], rho[k + 1, c])
             candidates[0, row, c], candidates[1, row, c], candidates[2, row, c] = met, rho[k, c], rho[k + 1, c]
             if k > 0 and rho[k - 1, c] > 0.0:
@@ -61,6 +74,61 @@ def between_rings(rho, z, length, slope, turn, beside, sigma, upper, tangent, of
             rays[10, row, c], rays[11, row, c] = min(turn[k, c], 1.0), math.log(1 + beside[k, c])
             rays[12, row, c], rays[13, row, c] = math.log(1 + sigma[k, c]), gap[k]
     return rays, candidates
+
+
+@njit(inline="always")
+def _nearest_row(z, rho, tangent, offset):
+    """The line next to a point; they are sorted, highest first."""
+    low, high = 0, len(tangent)
+    while low < high:
+        middle = (low + high) // 2
+        if tangent[middle] * rho + offset[middle] > z:
+            low = middle + 1
+        else:
+            high = middle
+    if low == len(tangent):
+        return low - 1
+    if low > 0 and tangent[low - 1] * rho + offset[low - 1] - z < z - tangent[low] * rho - offset[low]:
+        return low - 1
+    return low
+
+
+@njit(cache=True, nogil=True)
+def of_the_past(rays, candidates, best, xyz, T_now_then, age, rho, z, upper, tangent, offset, gap, first, candidate):
+    """Adds what a past scan (N, 3) saw near the rays: by how much its returns lay off the segments that there are now.
+
+    rays, candidates: of LiftInput, changed, channels from `first` on and that `candidate`; best (Q, W), infinite before
+    the first scan: how far off its ray the return behind the candidate was.
+    """
+    columns = rho.shape[1]
+    for i in range(len(xyz)):
+        x, y, up = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        px = T_now_then[0, 0] * x + T_now_then[0, 1] * y + T_now_then[0, 2] * up + T_now_then[0, 3]
+        py = T_now_then[1, 0] * x + T_now_then[1, 1] * y + T_now_then[1, 2] * up + T_now_then[1, 3]
+        pz = T_now_then[2, 0] * x + T_now_then[2, 1] * y + T_now_then[2, 2] * up + T_now_then[2, 3]
+        far = math.hypot(px, py)
+        if far < 1.0:
+            continue
+        row = _nearest_row(pz, far, tangent, offset)
+        k = upper[row]
+        off = abs(pz - tangent[row] * far - offset[row]) / (gap[k] * far / 10)
+        c = min(int((math.atan2(py, px) / (2 * math.pi) + 0.5) * columns), columns - 1)
+        if off > NEAR_RAY or rays[0, row, c] == 0.0:
+            continue
+        slant = (pz - offset[row]) / far
+        ratio = far / _met(rho[k, c], z[k, c], rho[k + 1, c], z[k + 1, c], slant, offset[row])
+        found = ratio * candidates[0, row, c]
+        if not LEAST * min(rho[k, c], rho[k + 1, c]) <= found <= MOST * max(rho[k, c], rho[k + 1, c]):
+            continue
+        change = math.log(ratio)
+        if best[row, c] == np.inf:
+            rays[first + 1, row, c], rays[first + 2, row, c] = change, change
+        rays[first + 1, row, c] = min(rays[first + 1, row, c], change)
+        rays[first + 2, row, c] = max(rays[first + 2, row, c], change)
+        rays[first + 3, row, c] += 1.0
+        if off + AGE * age < best[row, c]:
+            best[row, c] = off + AGE * age
+            rays[first, row, c], candidates[candidate, row, c] = change, found
 
 
 @njit(inline="always")
@@ -120,6 +188,96 @@ def _change(image, u, v, to_u, to_v):
     for channel in range(3):
         square += (float(before[channel]) - float(first[channel])) ** 2
     return total, math.sqrt(square)
+
+
+@njit(inline="always")
+def _difference(image, u, v, other_u, other_v):
+    """Of two pixels' colours."""
+    one, other = image[int(v + 0.5), int(u + 0.5)], image[int(other_v + 0.5), int(other_u + 0.5)]
+    square = 0.0
+    for channel in range(3):
+        square += (float(one[channel]) - float(other[channel])) ** 2
+    return math.sqrt(square)
+
+
+@njit(cache=True, nogil=True)
+def depths_seen(xyz, points, pixels, projection, scale, out):
+    """Fills `out` (h, w), cells `scale` times as many as pixels, with the depth of the nearest return in each."""
+    rings, columns = points.shape
+    for k in range(rings):
+        for c in range(columns):
+            if points[k, c] < 0 or np.isnan(pixels[k, c, 0]):
+                continue
+            x, y, z = xyz[points[k, c]]
+            depth = projection[2, 0] * x + projection[2, 1] * y + projection[2, 2] * z + projection[2, 3]
+            row = min(int((pixels[k, c, 1] + 0.5) * scale), out.shape[0] - 1)
+            column = min(int((pixels[k, c, 0] + 0.5) * scale), out.shape[1] - 1)
+            if out[row, column] == 0.0 or depth < out[row, column]:
+                out[row, column] = depth
+
+
+@njit(inline="always")
+def _weighted_median(values, weights):
+    """The least value that has half of the weights up to it, and the mean distance from it."""
+    order = np.argsort(values)
+    half, reached, median = weights.sum() / 2, 0.0, values[order[0]]
+    for i in order:
+        reached += weights[i]
+        if reached >= half:
+            median = values[i]
+            break
+    spread = 0.0
+    for i in range(len(values)):
+        spread += weights[i] * abs(values[i] - median)
+    return median, spread / (2 * half)
+
+
+@njit(cache=True, nogil=True)
+def guess(rays, candidates, pixels, upper, tangent, offset, cosine, sine, projection, image, rho, dense, scale, first):
+    """Adds, on unsure rays in the image, the weighted median of the edge, of what returns of like colour near by have,
+    and of a depth image filled in: candidate 7, and channels `first`, by how much it is off the segment, and the next,
+    how far apart these are.
+
+    pixels (K, W, 2) and rho (K, W) of the returns; dense (h, w), depth in cells `scale` times as many as pixels.
+    """
+    _, rows, columns = rays.shape
+    rings = rho.shape[0]
+    most = (RINGS_NEAR[1] - RINGS_NEAR[0]) * (2 * COLUMNS_NEAR // APART + 1) + 2
+    values, weights = np.empty(most), np.empty(most)
+    for row in range(rows):
+        k = upper[row]
+        for c in range(columns):
+            if rays[14, row, c] == 0.0 or math.exp(rays[12, row, c]) - 1 < UNSURE:
+                continue
+            met = candidates[0, row, c]
+            x, y, z = met * cosine[c], met * sine[c], met * tangent[row] + offset[row]
+            u, v = _pixel(projection, x, y, z)
+            count, total = 0, 0.0
+            for ring in range(max(k + RINGS_NEAR[0], 0), min(k + RINGS_NEAR[1], rings)):
+                for aside in range(-COLUMNS_NEAR, COLUMNS_NEAR + 1, APART):
+                    other = (c + aside) % columns
+                    if np.isnan(pixels[ring, other, 0]):
+                        continue
+                    other_u, other_v = pixels[ring, other, 0], pixels[ring, other, 1]
+                    far = abs(other_u - u) / BESIDE + abs(other_v - v) / UP
+                    weights[count] = math.exp(-far - _difference(image, u, v, other_u, other_v) / COLOUR)
+                    values[count] = rho[ring, other]
+                    total += weights[count]
+                    count += 1
+            for i in range(count):
+                weights[i] *= RETURNS / max(total, 1e-9)
+            values[count], weights[count] = candidates[5, row, c], 1.0
+            count += 1
+            depth = dense[
+                min(int((v + 0.5) * scale), dense.shape[0] - 1), min(int((u + 0.5) * scale), dense.shape[1] - 1)
+            ]
+            along = projection[2, 0] * cosine[c] + projection[2, 1] * sine[c] + projection[2, 2] * tangent[row]
+            values[count] = (depth - projection[2, 2] * offset[row] - projection[2, 3]) / along if depth > 0.0 else met
+            weights[count] = 1.0
+            count += 1
+            median, spread = _weighted_median(values[:count], weights[:count])
+            candidates[7, row, c] = median
+            rays[first, row, c], rays[first + 1, row, c] = math.log(median / met), math.log(1 + spread)
 
 
 @njit(cache=True, nogil=True)

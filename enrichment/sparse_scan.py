@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -13,6 +13,8 @@ from enrichment import kernels
 from enrichment.rays import COLUMNS, Prediction, RayGrid, range_image
 from slam.data.cloud import Array, Calibration, PointCloud
 from slam.data.sensor import Sensor
+
+Past = Sequence[tuple[PointCloud, Array]]
 
 SAME = 1e-6  # m at 10 m: lines that differ by less are one
 REACH = 2  # columns: a ring's return is taken from so near by where its own column has none
@@ -28,6 +30,7 @@ class SparseScan:
     read_image   gives `image`, (H, W, 3) uint8 RGB of the same moment, or None; it is read when a method asks for it
     calibration  the camera's, or None
     columns      W of the grids that it is asked for
+    past         what the same rings saw before, newest last: clouds with rings, each with T_now_then (4, 4)
     """
 
     cloud: PointCloud
@@ -36,6 +39,7 @@ class SparseScan:
     read_image: Callable[[], Array | None] = lambda: None
     calibration: Calibration | None = None
     columns: int = COLUMNS
+    past: Past = ()
 
     @cached_property
     def image(self) -> Array | None:
@@ -50,9 +54,9 @@ class SparseScan:
 
     def without(self, rings: Array) -> SparseScan:
         """The same scan as a sensor without these rings (M,) would have seen it."""
-        assert self.cloud.ring is not None
-        cloud = self.cloud.select(~np.isin(self.cloud.ring, rings))
-        return replace(self, cloud=cloud, rings=self.rings[~np.isin(self.rings, rings)])
+        kept = self.rings[~np.isin(self.rings, rings)]
+        past = [(of_rings(then, kept), T_now_then) for then, T_now_then in self.past]
+        return replace(self, cloud=of_rings(self.cloud, kept), rings=kept, past=past)
 
     def rows_above(self, sensor: Sensor) -> Array:
         """(R,) int64: which row of `points` is the next one above each of the sensor's lines, one with a row below it.
@@ -69,6 +73,12 @@ class SparseScan:
         above = np.searchsorted(-own, -lines + SAME, side="right") - 1
         below = np.searchsorted(-own, -lines - SAME, side="left")
         return above, np.where(below < len(own), below, -1)
+
+
+def of_rings(cloud: PointCloud, rings: Array) -> PointCloud:
+    """The points of these rings (M,) alone."""
+    assert cloud.ring is not None
+    return cloud.select(np.isin(cloud.ring, rings))
 
 
 def heights(sensor: Sensor) -> Array:

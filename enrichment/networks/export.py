@@ -21,7 +21,7 @@ from slam.data.errors import InputError
 OPSET = 18
 EXAMPLE = 37, 50  # height and width while it is traced; both stay free
 FREE = {2: "height", 3: "width"}
-RINGS, ROWS, COLUMNS = 5, 7, 48  # of Lift while it is traced; all stay free
+RINGS, ROWS, COLUMNS = 5, 7, 96  # of Lift while it is traced; all stay free
 
 
 def export(network: DepthNetwork, folder: Path, name: str, scale: float = 1.0) -> None:

@@ -8,14 +8,16 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-RINGS, RAYS, CANDIDATES = 9, 19, 6  # channels of enrichment.lift_input
+RINGS, RAYS, CANDIDATES = 9, 25, 8  # channels of enrichment.lift_input
 SIGMA = 12  # channel of a ray: the logarithm of 1 m + ray-segment's own sigma
-WIDTHS = 24, 32, 48, 64  # channels at 1, 1/2, 1/4 and 1/8 of the columns
-HIDDEN = 40  # channels of a ray
+WIDTHS = 32, 32, 48, 64  # channels at 1, 1/2, 1/4 and 1/8 of the columns
+HIDDEN = 48  # channels of a ray
+ASIDE = 2  # columns to each side of a ray that are looked at once more
+AROUND = 88  # columns that are repeated beyond the seam: no fewer than the U-Net looks far, and inside 8
 RESIDUAL = 0.05  # of the range, at most
 NEAR_SEGMENT = 2.0  # logit of ray-segment's weight, where learning starts
-LEAST_SCALE = 0.01  # m
 MULTIPLE = 8  # the number of columns has to be inside
+LEAST_SCALE = 0.01  # m
 
 
 class Answer(NamedTuple):
@@ -48,22 +50,23 @@ class Lift(nn.Module):
         self.to_quarter = nn.Sequential(_Convolution(half, quarter, stride=2), _Block(quarter), _Block(quarter, 2))
         self.to_eighth = nn.Sequential(_Convolution(quarter, eighth, stride=2), _Block(eighth), _Block(eighth, 2))
         self.up_quarter, self.up_half, self.up_full = _Up(eighth, quarter), _Up(quarter, half), _Up(half, full)
-        self.from_above, self.from_below = nn.Conv2d(full, HIDDEN, 1), nn.Conv2d(full, HIDDEN, 1)
-        self.from_ray = nn.Conv2d(RAYS, HIDDEN, 1)
-        self.beside = nn.Conv2d(HIDDEN, HIDDEN, (1, 5), groups=HIDDEN)
+        self.from_above, self.from_below = nn.Conv2d(full, HIDDEN, 1, bias=False), nn.Conv2d(full, HIDDEN, 1)
+        self.from_ray = nn.Conv2d(RAYS, HIDDEN, 1, bias=False)
+        self.beside = nn.Conv2d(HIDDEN, HIDDEN, (1, 2 * ASIDE + 1), groups=HIDDEN)
         self.mix, self.last = nn.Conv2d(HIDDEN, HIDDEN, 1), nn.Conv2d(HIDDEN, CANDIDATES + 3, 1)
         with torch.no_grad():
+            self.beside.weight[..., ASIDE] += 1.0
             self.last.weight.mul_(0.1)
             assert self.last.bias is not None
             self.last.bias.copy_(torch.eye(CANDIDATES + 3)[0] * NEAR_SEGMENT)
 
     def forward(self, rings: Tensor, upper: Tensor, rays: Tensor, candidates: Tensor) -> Answer:
-        """rings (B, RINGS, K, W), upper (Q,), rays (B, RAYS, Q, W), candidates (B, CANDIDATES, Q, W), W inside 8."""
-        features = self._features(rings)
-        above, below = self.from_above(features), self.from_below(features)
-        x = functional.relu(above[:, :, upper] + below[:, :, upper + 1] + self.from_ray(rays))
-        x = functional.relu(x + self.beside(_around(x, 2)))
-        x = functional.relu(self.mix(x))
+        """rings (B, RINGS, K, W), upper (Q,), rays (B, RAYS, Q, W), candidates (B, CANDIDATES, Q, W); W inside 8, and
+        AROUND or more."""
+        features = self._features(_around(rings, AROUND))[..., AROUND - ASIDE : ASIDE - AROUND]
+        between = self.from_above(features[:, :, :-1]) + self.from_below(features[:, :, 1:])
+        x = functional.relu(between.index_select(2, upper) + self.from_ray(_around(rays, ASIDE)))
+        x = functional.relu(self.mix(functional.relu(self.beside(x))))
         return self._answer(self.last(x).float(), rays, candidates)
 
     def _features(self, rings: Tensor) -> Tensor:
@@ -84,18 +87,17 @@ class Lift(nn.Module):
 
 
 class _Convolution(nn.Module):
-    """3 x 3, around the columns, with batch normalisation and ReLU; `stride` of columns."""
+    """3 x 3, with batch normalisation and ReLU; stride and dilation are of the columns."""
 
     def __init__(self, channels_in: int, channels_out: int, stride: int = 1, dilation: int = 1) -> None:
         super().__init__()
-        self.dilation = dilation
         self.convolution = nn.Conv2d(
-            channels_in, channels_out, 3, stride=(1, stride), padding=(1, 0), dilation=(1, dilation), bias=False
+            channels_in, channels_out, 3, (1, stride), padding=(1, dilation), dilation=(1, dilation), bias=False
         )
         self.norm = nn.BatchNorm2d(channels_out)
 
     def forward(self, x: Tensor) -> Tensor:
-        return functional.relu(self.norm(self.convolution(_around(x, self.dilation))))
+        return functional.relu(self.norm(self.convolution(x)))
 
 
 class _Block(nn.Module):

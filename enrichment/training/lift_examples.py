@@ -11,18 +11,21 @@ import torch
 from torch import Tensor
 from torch.utils.data import Dataset as Examples
 
-from enrichment.held_out import ring_step
+from enrichment.held_out import PAST, past_of, ring_step
 from enrichment.lift_input import LiftInput, lift_input
 from enrichment.networks.lift import MULTIPLE
 from enrichment.rays import COLUMNS, RayGrid, columns_for
-from enrichment.sparse_scan import SparseScan
+from enrichment.sparse_scan import Past, SparseScan, of_rings
 from enrichment.training.drawing import COARSER, FINER, in_other_light, in_turn
+from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import Dataset
 from slam.data.sensor import Sensor
 
 HELD_OUT = 1 / 3  # of the rings, where a LiDAR has few: no two neighbours, so that gaps are twice as wide at most
 BLIND = 0.2  # of the examples have no image
+ALONE = 0.3  # of the examples have no past
+MOVED, TURNED = 0.02, 0.0005  # m, rad: standard deviations of a prediction's error, each axis
 LARGEST = 1.3  # times as large, or as small, is a scene without an image
 
 
@@ -56,11 +59,14 @@ class DrawnScans(Examples[LiftExample]):
         drive, k = self._places[place]
         frame, sensor = drive[k], drive.sensor
         assert sensor is not None
+        past = drawn_past(drive, k, rng)
         image = None if frame.image is None or rng.random() < BLIND else in_other_light(frame.image, rng)
         if image is None:
-            frame = replace(frame, cloud=_resized(frame.cloud, sensor, LARGEST ** rng.uniform(-1, 1)))
+            factor = LARGEST ** rng.uniform(-1, 1)
+            frame = replace(frame, cloud=_resized(frame.cloud, sensor, factor))
+            past = [(_resized(then, sensor, factor), _scaled(T_now_then, factor)) for then, T_now_then in past]
         kept, asked = drawn_rings(sensor, self._own_rings, rng)
-        return example(frame, sensor, kept, asked, image, mirrored=rng.random() < 0.5)
+        return example(frame, sensor, kept, asked, image, past, mirrored=rng.random() < 0.5)
 
 
 class WholeScans(Examples[LiftExample]):
@@ -78,7 +84,19 @@ class WholeScans(Examples[LiftExample]):
         assert sensor is not None
         rings = np.arange(sensor.ring_count)
         kept = rings % ring_step(sensor) == 0
-        return example(frame, sensor, rings[kept], rings[~kept], frame.image)
+        return example(frame, sensor, rings[kept], rings[~kept], frame.image, past_of(drive, k))
+
+
+def drawn_past(drive: Dataset, position: int, rng: np.random.Generator) -> Past:
+    """Scans before one of a drive, fewer or none now and then, placed as well as a prediction places them."""
+    count = 0 if rng.random() < ALONE else int(rng.integers(1, PAST + 1))
+    return [(then, _misplaced(T_now_then, rng)) for then, T_now_then in past_of(drive, position, count)]
+
+
+def _misplaced(T_now_then: Array, rng: np.random.Generator) -> Array:
+    """With an error of normal distribution."""
+    error = se3.exp(np.concatenate([rng.normal(0, TURNED, 3), rng.normal(0, MOVED, 3)]))
+    return np.asarray(error @ T_now_then)
 
 
 def drawn_rings(sensor: Sensor, own_rings: bool, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -97,16 +115,22 @@ def drawn_rings(sensor: Sensor, own_rings: bool, rng: np.random.Generator) -> tu
 
 
 def example(
-    frame: Frame, sensor: Sensor, kept: Array, asked: Array, image: Array | None, mirrored: bool = False
+    frame: Frame,
+    sensor: Sensor,
+    kept: Array,
+    asked: Array,
+    image: Array | None,
+    past: Past = (),
+    mirrored: bool = False,
 ) -> LiftExample:
     """Of a frame with rings; `kept` and `asked` are ring ids, top first."""
     cloud = frame.cloud
     assert cloud.ring is not None
     columns = min(COLUMNS, columns_for(cloud)) // MULTIPLE * MULTIPLE
     grid = RayGrid(sensor, columns)
-    given = cloud.select(np.isin(cloud.ring, kept))
-    scan = SparseScan(given, sensor, kept, lambda: image, frame.calibration, columns)
-    return _tensors(lift_input(scan, grid), _truth(cloud.select(np.isin(cloud.ring, asked)), grid), mirrored)
+    before = [(of_rings(then, kept), T_now_then) for then, T_now_then in past]
+    scan = SparseScan(of_rings(cloud, kept), sensor, kept, lambda: image, frame.calibration, columns, before)
+    return _tensors(lift_input(scan, grid), _truth(of_rings(cloud, asked), grid), mirrored)
 
 
 def _truth(cloud: PointCloud, grid: RayGrid) -> Array:
@@ -132,3 +156,9 @@ def _resized(cloud: PointCloud, sensor: Sensor, factor: float) -> PointCloud:
     assert cloud.ring is not None
     laser = sensor.offset[cloud.ring] * (1 - factor)
     return cloud.with_xyz((factor * cloud.xyz + np.column_stack([0 * laser, 0 * laser, laser])).astype(np.float32))
+
+
+def _scaled(T_now_then: Array, factor: float) -> Array:
+    scaled = T_now_then.copy()
+    scaled[:3, 3] *= factor
+    return scaled

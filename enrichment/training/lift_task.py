@@ -68,13 +68,13 @@ class LiftTask:
         return WholeScans(self.validation)
 
     def loss(self, network: nn.Module, batch: list[LiftExample], plan: Plan) -> Tensor:
-        losses = [lift_loss(network(*scan[:4]), scan.rays, scan.candidates, scan.truth) for scan in batch]
+        losses = [lift_loss(network(*scan[:-1]), scan.rays, scan.candidates, scan.truth) for scan in batch]
         return torch.stack(losses).mean()
 
     def errors(self, network: nn.Module, batch: list[LiftExample]) -> tuple[Tensor, Tensor]:
         (scan,) = batch
         asked = (scan.truth > 0) & (scan.rays[:, 0] > 0)
-        error = (network(*scan[:4]).ranges - scan.truth)[asked]
+        error = (network(*scan[:-1]).ranges - scan.truth)[asked]
         return error.abs().mean(), error.square().mean().sqrt()
 
     def export(self, network: nn.Module, folder: Path, name: str) -> None:

@@ -72,7 +72,7 @@ def report_of_drive(
     """What depth.json holds: every method on every frame, over the returns that the camera sees ("image") and over all
     ("full"). Raises InputError where the drive has no rings that could be held out."""
     from enrichment.calibration import Calibrated
-    from enrichment.held_out import hold_out, ring_step
+    from enrichment.held_out import hold_out, past_of, ring_step
     from enrichment.rays import RayGrid
     from eval.depth import PROTOCOL, Answers
 
@@ -91,7 +91,7 @@ def report_of_drive(
             if frame.cloud.ring is None or len(frame.cloud) == 0:
                 left_out.append(frame.index)
             else:
-                held = hold_out(frame, grid, phase)
+                held = hold_out(frame, grid, phase, past_of(data, position))
                 # a scan of its own for each method: what one works out and keeps there, the next must not find
                 answers = {name: held.answers(clock(replace(held.scan), grid)) for name, clock in clocks.items()}
                 views["full"].add(held.ranges, answers)

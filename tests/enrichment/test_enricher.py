@@ -103,3 +103,22 @@ def test_sigma_is_scaled_to_the_errors_at_held_out_rings(sparse: Scan, grid: Ray
     assert sigmas[-1] == pytest.approx(0.1 * 2.0 * SINGLE_GAP)  # a look says 2 at most
     assert sigmas[1] == sigmas[0]  # not every scan is looked at
     assert float(methods[1](scan, grid).sigma[0, 0]) == sigmas[0]
+
+
+def test_a_method_sees_what_the_same_rings_measured_before(street: Callable[..., PointCloud]) -> None:
+    sensor, seen = load_sensor("vlp16"), []
+
+    class Watching(RaySegment):
+        def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
+            seen.append(scan)
+            return super().__call__(scan, grid)
+
+    cloud = street(sensor, RayGrid(sensor).azimuth)
+    made = Enricher(lambda frame, _: frame.cloud, Watching(), sensor, np.arange(16))
+    first = made(frame(cloud), ())
+    T_now_then = np.diag([1.0, 1, 1, 1])
+    made(frame(cloud), [(first, T_now_then)])
+    ((then, placed),) = seen[-1].past
+    assert placed is T_now_then
+    np.testing.assert_array_equal(then.ring, cloud.ring)
+    np.testing.assert_array_equal(then.xyz, cloud.xyz)

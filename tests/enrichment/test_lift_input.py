@@ -119,6 +119,66 @@ def test_a_lens_is_taken_out_of_the_image(sparse: Callable[..., SparseScan], gri
     assert not np.array_equal(straight.rays, other.rays)
 
 
+def lowered(dense: PointCloud, by: float) -> tuple[PointCloud, Array]:
+    """The street as a LiDAR `by` metres lower saw it, and where that one was; its rings met other places."""
+    T_now_then = np.eye(4)
+    T_now_then[2, 3] = -by
+    return dense.with_xyz(dense.xyz + np.array([0, 0, by])), T_now_then
+
+
+def test_the_past_is_told_where_it_is_on_a_ray(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+    """A post that the rings missed now was seen before: the segment behind it is wrong, the past right."""
+    scan, T_now_then = sparse(), np.eye(4)
+    lines = RayGrid(grid.sensor)
+    row, column = np.repeat(np.arange(64), 3), np.tile([1000, 1001, 1002], 64)
+    post = lines.points(np.full(192, 9.0) / np.cos(grid.sensor.elevation[row]), row, column)
+    saw = PointCloud(post, np.zeros(192), ring=row)
+    given = lift_input(replace(scan, past=[(saw, T_now_then)]), grid)
+    asked = np.isin(given.rows, np.arange(64))
+    segment, past = candidate(given, "segment")[asked][:, 1001], candidate(given, "past")[asked][:, 1001]
+    near = (segment > 8) & (segment < 11)
+    assert near.sum() > 3
+    np.testing.assert_allclose(past[near], 9.0, rtol=1e-3)
+    found = segment[near] * np.exp(channel(given, "past")[asked][:, 1001][near])
+    np.testing.assert_allclose(found, 9.0, rtol=1e-3)
+    assert not candidate(given, "past")[:, :900].any()
+
+
+def test_where_nothing_changed_the_past_agrees_with_the_segments(
+    sparse: Callable[..., SparseScan], dense: PointCloud, grid: RayGrid
+) -> None:
+    given = lift_input(replace(sparse(), past=[lowered(sparse().cloud, 0.0), lowered(dense, 0.05)]), grid)
+    past, segment = candidate(given, "past"), candidate(given, "segment")
+    known = (past > 0) & (np.abs(grid.azimuth) > 2) & (segment < 20)
+    assert known.sum() > 1000
+    np.testing.assert_allclose(past[known], segment[known], rtol=0.01)
+
+
+def test_rings_left_out_are_left_out_of_the_past(dense: PointCloud, grid: RayGrid) -> None:
+    rings = np.arange(64)
+    whole = SparseScan(dense, grid.sensor, rings, past=[(dense, np.eye(4))])
+    (then, _), *_ = whole.without(rings[rings % 4 != 0]).past
+    assert then.ring is not None
+    assert (then.ring % 4 == 0).all()
+
+
+def test_the_guess_lies_among_the_surfaces_around(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+    """A board hangs before the wall: unsure are the rays between its last ring and the next one on the wall."""
+    scan, image = sparse(), np.full((372, 1204, 3), 90, np.uint8)
+    assert scan.cloud.ring is not None
+    board = (scan.cloud.ring <= 8) & (np.abs(np.arctan2(scan.cloud.xyz[:, 1], scan.cloud.xyz[:, 0])) < 0.2)
+    scan = replace(scan, cloud=scan.cloud.with_xyz(scan.cloud.xyz * np.where(board, 0.5, 1.0)[:, None]))
+    calibration = replace(CALIBRATION, K=np.array([[700.0, 0, 600], [0, 700.0, 168], [0, 0, 1]]))
+    given = lift_input(replace(scan, read_image=lambda: image, calibration=calibration), grid)
+    guess, above, below = (candidate(given, name) for name in ("guess", "above", "below"))
+    unsure = guess > 0
+    assert unsure.sum() > 20
+    assert (np.expm1(channel(given, "sigma"))[unsure] > 0.4).all()
+    assert (channel(given, "seen")[unsure] > 0).all()
+    assert (guess > 0.7 * np.minimum(above, below))[unsure].all()
+    assert (guess < 1.3 * np.maximum(above, below))[unsure].all()
+
+
 @pytest.mark.parametrize("phase", [1, 2, 3])
 def test_any_first_ring(phase: int, sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     given = lift_input(sparse(phase), grid)

@@ -26,7 +26,7 @@ def made() -> Lift:
     return network
 
 
-def example(rings: int = 4, rows: int = 6, columns: int = 32) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def example(rings: int = 4, rows: int = 6, columns: int = 96) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Rings, upper, rays and candidates; a ray in five has none."""
     generator = torch.Generator().manual_seed(1)
     rays = torch.rand(1, lift.RAYS, rows, columns, generator=generator)
@@ -82,7 +82,7 @@ def test_onnx_computes_what_torch_does_for_any_lidar(tmp_path: Path) -> None:
     session = InferenceSession(tmp_path / "lift.onnx")
     again = Lift().eval()
     load_weights(again, tmp_path / "lift.safetensors")
-    for shape in ((4, 6, 32), (16, 45, 64), (3, 1, 40)):
+    for shape in ((4, 6, 96), (16, 45, 128), (3, 1, 104)):
         given = example(*shape)
         with torch.no_grad():
             expected, same = network(*given), again(*given)

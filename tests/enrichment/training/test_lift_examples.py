@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from enrichment.held_out import past_of
 from enrichment.lift_input import CANDIDATES
 from enrichment.training.lift_examples import DrawnScans, WholeScans, drawn_rings, example
 from enrichment.training.lift_task import LiftTask
@@ -50,7 +51,7 @@ def test_answers_are_on_their_rays(drive: Any) -> None:
 def test_a_mirror_turns_columns_round(drive: Any) -> None:
     frame, rings = drive[1], np.arange(64)
     kept, asked = rings[::4], rings[rings % 4 > 0]
-    one, other = (example(frame, HDL64, kept, asked, None, mirrored) for mirrored in (False, True))
+    one, other = (example(frame, HDL64, kept, asked, None, mirrored=mirrored) for mirrored in (False, True))
     for name in ("rings", "rays", "candidates", "truth"):
         torch.testing.assert_close(getattr(one, name), getattr(other, name).flip(-1))
 
@@ -68,6 +69,8 @@ def test_every_scan_comes_before_one_comes_again(drive: Any) -> None:
     looked_at = []
 
     class Watched(type(drive)):  # type: ignore[misc]
+        ground_truth = None  # nobody knows where the scans before were, so they are not looked at
+
         def __getitem__(self, position: int) -> Any:
             looked_at.append(position)
             return super().__getitem__(position)
@@ -82,3 +85,18 @@ def test_every_scan_comes_before_one_comes_again(drive: Any) -> None:
 def test_without_a_known_lidar_nothing_can_be_held_out(drive: Any) -> None:
     with pytest.raises(InputError, match=r"nobody knows which LiDAR this was; place a sensor\.yaml beside it"):
         LiftTask([replace(drive, sensor=None)], [])
+
+
+def test_the_past_is_of_the_scans_before(drive: Any) -> None:
+    """The street has a wall ahead, and the drive goes a metre nearer with each scan."""
+    moved = replace(drive, clouds=[cloud.with_xyz(cloud.xyz - [k, 0, 0]) for k, cloud in enumerate(drive.clouds)])
+    found = past_of(moved, 2)
+    assert len(found) == 2
+    for k, (cloud, T_now_then) in enumerate(found):
+        assert cloud is moved.clouds[k]
+        np.testing.assert_allclose(T_now_then[:3, 3], [k - 2.0, 0, 0])
+    assert past_of(moved, 0) == []
+    assert len(past_of(moved, 2, 1)) == 1
+    assert len(WholeScans([moved])[2].candidates) == 1
+    has_past = WholeScans([moved])[2].candidates[0, CANDIDATES.index("past")] > 0
+    assert has_past.float().mean() > 0.05
