@@ -13,7 +13,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from enriched_odometry import simulated
+from tracks import simulated
 
 from slam.cli.front_ends import front_end_for
 from slam.config import load_config
