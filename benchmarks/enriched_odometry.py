@@ -90,7 +90,7 @@ def measured(data: Dataset, phase: int, step: int) -> Row:
     known = truth[::step] if truth is not None and np.isfinite(truth).all() else None
     clouds, front_ms = {}, {}
     for name in ("64", "16", "enriched"):
-        config = load_config(input=name, overrides=_phase(phase))
+        config = load_config(input=name, overrides=_phase(phase), enricher="ray-segment")
         clouds[name], front_ms[name] = clouds_of(front_end_for(config.front_end, data), frames)
     run = Runner(data, frames, known if data.path.is_relative_to(CACHE) else None)
     dense = run(clouds["64"], load_config(input="64").odometry)
