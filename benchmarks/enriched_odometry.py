@@ -14,35 +14,27 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 from recipes import SIXTEEN
-from report import number, surroundings, table, write_section
+from report import number, surroundings, table, target, write_section
+from tracks import CACHE, TOWNS, Runner, apart, clouds_of, geometric_mean, rmse, simulated
 
-from eval.evaluation import evaluate, write_json
+from eval.evaluation import write_json
 from slam.cli.front_ends import front_end_for
 from slam.config import load_config
-from slam.data import se3
-from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import Dataset, open_dataset
 from slam.data.errors import InputError
-from slam.odometry import Odometry, OdometryStep
-from slam.pipeline import sweep_duration
-from slam.settings import Config, OdometrySettings
-from slam.simulation.simulation import Settings, Simulation
+from slam.settings import OdometrySettings
 
 HERE = Path(__file__).parent
-CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarlift" / "benchmarks"
-TOWNS = ("loop", "jam", "straight")
 VARIANTS = ((0, 1), (2, 1), (0, 2))  # ring phase, every so-many-th frame
 SCAN_TO_SCAN = "scan-to-scan"
 THINNER = ("odometry.voxel_size=1.5",)  # enriched, scan to scan: interpolated points say little that is new
 NEAR = {  # cm: so near to 64 channels the enriched trajectory should be
     "KITTI odometry 04": 1.5, "KITTI raw 2011_09_26_drive_0005": 1.5, "KITTI raw 2011_09_26_drive_0013": 4.0,
 }  # fmt: skip
-START = 5  # frames whose motion does not count for NEES: the first maps
 
 HEADER = (
     "drive", "rings", "frames", "16: three recipes, cm", "enriched cm", "times nearer", "path %", "failed",
@@ -52,20 +44,6 @@ TRUTH_HEADER = (
     "drive", "rings", "frames", "ATE 64 cm", "16 cm", "enriched cm", "NEES 64", "16", "enriched",
     "front end ms", "odometry 64 ms", "16 ms", "enriched ms", "unweighted ms",
 )  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class Track:
-    """One odometry over a drive: poses (N, 4, 4), its median milliseconds a frame, NEES per degree of freedom."""
-
-    poses: Array
-    failed: int
-    milliseconds: float
-    nees: float | None
-
-    @property
-    def length(self) -> float:
-        return float(np.linalg.norm(np.diff(self.poses[:, :3, 3], axis=0), axis=1).sum())
 
 
 @dataclass(frozen=True)
@@ -106,20 +84,14 @@ def main() -> None:
     write_section(arguments.out, "enriched-odometry", section(rows, about))
 
 
-def simulated(name: str) -> Dataset:
-    """One of the town's drives, simulated where the cache has it not yet."""
-    folder = CACHE / f"{name}-every-frame"
-    Simulation(Settings(drive=name, camera=False)).write(folder)
-    return open_dataset(folder)
-
-
 def measured(data: Dataset, phase: int, step: int) -> Row:
     frames = [data[position] for position in range(0, len(data), step)]
     truth = data.ground_truth
     known = truth[::step] if truth is not None and np.isfinite(truth).all() else None
     clouds, front_ms = {}, {}
     for name in ("64", "16", "enriched"):
-        clouds[name], front_ms[name] = front_end(data, frames, load_config(input=name, overrides=_phase(phase)))
+        config = load_config(input=name, overrides=_phase(phase), enricher="ray-segment")
+        clouds[name], front_ms[name] = clouds_of(front_end_for(config.front_end, data), frames)
     run = Runner(data, frames, known if data.path.is_relative_to(CACHE) else None)
     dense = run(clouds["64"], load_config(input="64").odometry)
     plain = {name: run(clouds["16"], OdometrySettings(**settings)) for name, settings in SIXTEEN.items()}
@@ -151,62 +123,6 @@ def _phase(phase: int) -> Sequence[str]:
     return (f"front_end.phase={phase}",)
 
 
-def front_end(data: Dataset, frames: Iterable[Frame], config: Config) -> tuple[list[PointCloud], float]:
-    """The clouds of the configuration's front end, and its median milliseconds a frame."""
-    make, clouds, seconds = front_end_for(config.front_end, data), [], []
-    for frame in frames:
-        begin = perf_counter()
-        clouds.append(make(frame, ()))
-        seconds.append(perf_counter() - begin)
-    return clouds, 1e3 * float(np.median(seconds))
-
-
-@dataclass(frozen=True, eq=False)
-class Runner:
-    """Odometry over a drive's frames; `truth` (N, 4, 4) where it is exact enough to judge covariances by."""
-
-    data: Dataset
-    frames: Sequence[Frame]
-    truth: Array | None
-
-    def __call__(self, clouds: Iterable[PointCloud], settings: OdometrySettings) -> Track:
-        angle = self.data.sensor.vertical_correction if self.data.sensor else 0.0
-        odometry = Odometry(settings, sweep_duration=sweep_duration(self.data), vertical_correction=angle)
-        steps: list[OdometryStep] = []
-        seconds: list[float] = []
-        for frame, cloud in zip(self.frames, clouds, strict=True):
-            begin = perf_counter()
-            steps.append(odometry.register(cloud, frame.stamp))
-            seconds.append(perf_counter() - begin)
-        return Track(
-            poses=np.array([step.pose for step in steps]),
-            failed=sum(step.status == "failed" for step in steps),
-            milliseconds=1e3 * float(np.median(seconds)),
-            nees=None if self.truth is None else nees(steps, self.truth),
-        )
-
-
-def nees(steps: Sequence[OdometryStep], truth: Array) -> float:
-    """Normalised estimation error squared of the motion from frame to frame, mean, per degree of freedom (Bar-Shalom
-    et al., Estimation with Applications to Tracking and Navigation, 5.4.2): 1 where covariances are true."""
-    poses = np.array([step.pose for step in steps])
-    motion, true_motion = (se3.inverse(path[:-1]) @ path[1:] for path in (poses, truth))
-    values = []
-    for step, found, true in list(zip(steps[1:], motion, true_motion, strict=True))[START:]:
-        error = se3.log(se3.inverse(found) @ true)
-        values.append(error @ np.linalg.solve(step.covariance, error) / 6)
-    return float(np.mean(values))
-
-
-def apart(track: Track, reference: Track) -> float:
-    return rmse(track.poses, reference.poses)
-
-
-def rmse(poses: Array, reference: Array) -> float:
-    """After SE(3) alignment, metres."""
-    return float(evaluate(poses, reference)["ate"]["aligned"]["rmse"])
-
-
 def gains(rows: Iterable[Row]) -> list[float]:
     """How many times nearer to 64 channels the enriched input is than the best recipe for 16."""
     return [min(row.to_64[name] for name in SIXTEEN) / row.to_64["enriched"] for row in rows]
@@ -222,7 +138,7 @@ def targets(rows: Sequence[Row]) -> list[tuple[str, str, str, str]]:
     whole = front_end + float(np.median([row.odometry_ms["enriched"] for row in rows]))
     weighted = float(np.median([row.odometry_ms["enriched"] / row.odometry_ms["unweighted"] for row in rows]))
     aims = [
-        (f"times nearer to 64 channels, {name}, geometric mean", _mean(gains(chosen)), ">=", limit, 2)
+        (f"times nearer to 64 channels, {name}, geometric mean", geometric_mean(gains(chosen)), ">=", limit, 2)
         for name, chosen, limit in (("rings 0, 4, ..", first, 2.5), ("rings 2, 6, ..", other, 1.8))
     ]
     aims.append((f"drives of {len(first)} where it is twice as near", twice, ">=", 5, 0))
@@ -242,16 +158,7 @@ def targets(rows: Sequence[Row]) -> list[tuple[str, str, str, str]]:
         ("frames a second, enrichment and odometry on one core", 1e3 / whole, ">=", 20, 0),
         ("time of the odometry by that for the same points unweighted", weighted, "<=", 1.2, 2),
     ]
-    return [
-        (name, number(value, digits), f"{relation} {limit}", _verdict(value, relation, limit))
-        for name, value, relation, limit, digits in aims
-    ]
-
-
-def _verdict(value: float | None, relation: str, limit: float) -> str:
-    if value is None:
-        return "-"
-    return "met" if (value >= limit if relation == ">=" else value <= limit) else "missed"
+    return [target(*aim) for aim in aims]
 
 
 def of_variant(rows: Iterable[Row], phase: int, step: int) -> list[Row]:
@@ -305,7 +212,7 @@ def section(rows: Sequence[Row], about: dict[str, Any]) -> str:
 * Path: length of the enriched trajectory beside that on 64 channels. Scan to scan: the preset of that name for all
   three inputs, enriched with {THINNER[0]}; distance to 64 channels scan to scan.
 * The settings were chosen on these drives, every frame, at both phases. Geometric mean of "times nearer" with every 2nd
-  frame: {number(_mean(gains(of_variant(rows, *VARIANTS[2]))), 2)}. On 04 at rings 2, 6, .. plain 16 is as near
+  frame: {number(geometric_mean(gains(of_variant(rows, *VARIANTS[2]))), 2)}. On 04 at rings 2, 6, .. plain 16 is as near
   already as another recipe for 64 would be.
 * Unweighted: the enriched cloud as if all of its points had been measured.
 
@@ -316,11 +223,6 @@ the motion from frame to frame per degree of freedom: 1 where the covariance is 
 with the preset channels-16. Median milliseconds a frame, one core; the front end's are those of the enrichment.
 
 {table(TRUTH_HEADER, truths, words=3)}"""
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    """Geometric; None of nothing."""
-    return float(np.exp(np.mean(np.log(values)))) if values else None
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from enriched_odometry import simulated
+from tracks import simulated
 
 from slam.cli.front_ends import front_end_for
 from slam.config import load_config
@@ -28,7 +28,7 @@ def main() -> None:
     frame = data[FRAME]
     figure, axes = plt.subplots(3, 1, figsize=(9, 12.2), facecolor="#101010", layout="constrained")
     for axis, (name, title) in zip(axes, TITLES.items(), strict=True):
-        cloud = front_end_for(load_config(input=name).front_end, data)(frame, ())
+        cloud = front_end_for(load_config(input=name, enricher="ray-segment").front_end, data)(frame, ())
         cloud = cloud.select((np.abs(cloud.xyz[:, :2]) < REACH).all(axis=1) & (cloud.xyz[:, 2] < 2.5))
         new = cloud.select(~cloud.measured)
         dots = axis.scatter(*new.xyz[:, :2].T, c=new.sigma, s=0.6, lw=0, cmap="plasma", vmin=0, vmax=MOST)

@@ -41,7 +41,7 @@ INPUTS: dict[str, tuple[str, ...]] = {
     "64": (),
     "16": (),
     BENT: ("pose_graph.held_back=0",),
-    "enriched": (),
+    "enriched": ("front_end.enricher=ray-segment",),  # quick, and these drives have no camera
 }
 SWEEP_MS = 100  # a frame of the LiDAR
 SMALL = 0.5  # m: less than that at the first revisit, and drift is added

@@ -11,21 +11,16 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
-import numpy as np
-from enriched_odometry import Runner, apart
 from report import number, surroundings, table, write_section
+from tracks import Runner, apart, clouds_of, front_ends
 
-from enrichment.enricher import Enricher
 from enrichment.methods import make_methods, runnable
 from eval.evaluation import evaluate, write_json
 from eval.trajectory import STATISTICS
-from slam.config import load_config
 from slam.data.dataset import Dataset, open_dataset
 from slam.data.errors import InputError
-from slam.front_end import FrontEnd, RingFrontEnd
 
 HERE = Path(__file__).parent
 ENRICHERS = ("ray-segment", "joint", "l2l", "li2l", "f2l")
@@ -58,27 +53,17 @@ def measured(data: Dataset) -> list[dict[str, Any]]:
     if truth is None or data.sensor is None:
         raise InputError(f"{data.path}: no ground truth to compare with; choose another drive")
     frames = [data[position] for position in range(len(data))]
-    run, methods = Runner(data, frames, None), make_methods(set(ENRICHERS) & set(runnable()))
-    sparse = RingFrontEnd(load_config(input="16").front_end, data.sensor)
-    inputs: dict[str, tuple[str, FrontEnd]] = {"64": ("64", RingFrontEnd(load_config().front_end, data.sensor))}
-    inputs["16"] = "16", sparse
-    for name in ENRICHERS:
-        if name in methods:
-            inputs[name] = "enriched", Enricher(sparse, methods[name], *sparse.lines(), data.sensor)
+    run, methods = Runner(data, frames, None), make_methods([name for name in ENRICHERS if name in runnable()])
     tracks, rows = {}, []
-    for name, (channels, front_end) in inputs.items():
-        clouds, seconds = [], []
-        for frame in frames:
-            begin = perf_counter()
-            clouds.append(front_end(frame, ()))
-            seconds.append(perf_counter() - begin)
-        tracks[name] = run(clouds, load_config(input=channels).odometry)
+    for name, (front_end, settings) in front_ends(data, methods).items():
+        clouds, milliseconds = clouds_of(front_end, frames)
+        tracks[name] = run(clouds, settings)
         metrics = evaluate(tracks[name].poses, truth)
         rows.append(
             {
                 "drive": data.name, "input": name, "ate_m": metrics["ate"]["aligned"]["rmse"],
                 "table_iii_m": {key: metrics["paper_table_iii"][key] for key in STATISTICS},
-                "to_64_m": apart(tracks[name], tracks["64"]), "front_end_ms": 1e3 * float(np.median(seconds)),
+                "to_64_m": apart(tracks[name], tracks["64"]), "front_end_ms": milliseconds,
             }
         )  # fmt: skip
         print(rows[-1], file=sys.stderr)

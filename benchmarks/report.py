@@ -40,6 +40,12 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], words: int = 1) 
     return "\n".join("| " + " | ".join(row) + " |" for row in (header, rule, *rows)) + "\n"
 
 
+def target(name: str, value: float | None, relation: str, limit: float, digits: int) -> tuple[str, str, str, str]:
+    """What was aimed at, the figure, the limit (`relation` is >= or <=), and whether it is met: a row of a table."""
+    met = value is not None and (value >= limit if relation == ">=" else value <= limit)
+    return name, number(value, digits), f"{relation} {limit}", "-" if value is None else "met" if met else "missed"
+
+
 def write_section(file: Path, name: str, text: str) -> None:
     """Put `text` between the markers `<!-- name -->` and `<!-- /name -->`; the rest of the file stays as it is."""
     opening, closing = f"<!-- {name} -->", f"<!-- /{name} -->"

@@ -13,9 +13,9 @@ from slam.data.errors import InputError
 
 
 class Enricher(StrEnum):
+    LIFT = "lift"
     RAY_SEGMENT = "ray-segment"
     JOINT = "joint"
-    LIFT = "lift"
     L2L = "l2l"
     LI2L = "li2l"
     F2L = "f2l"
@@ -25,7 +25,8 @@ EnricherOption = Annotated[
     Enricher | None,
     typer.Option(
         "--enricher",
-        help="What fills in: ray-segment, the default; joint, with the image; lift; or a network of the paper.",
+        help="What fills in: lift, our network, the default; ray-segment, without learning and faster; joint, with the "
+        "image; or a network of the paper.",
     ),
 ]
 

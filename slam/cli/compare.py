@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from slam.cli.arguments import EnricherOption, frame_slice, require_writable
-from slam.cli.run_folder import run_into
+from slam.cli.run_folder import input_name, run_into
 from slam.config import load_config, preset_names
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from slam.settings import Config
 
 INPUTS = ("16", "enriched", "64")
+TRAINING_FREE = "ray-segment"  # an enricher, and its row
 
 
 def compare(
@@ -35,16 +36,16 @@ def compare(
     """Drive through a data set with 16 channels, with these enriched, and with 64, and compare: a run folder each.
 
     Example: `lidarlift compare kitti/sequences/04 --frames 0:50 --out runs/04`
+
+    Beside another enricher ray-segment, which learned nothing, has a row of its own.
     """
     from slam.data.dataset import open_dataset
 
     data = open_dataset(dataset, sequence, sensor)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
 
-    def settings(channels: str) -> Config:
-        return load_config(config, set_ or (), input=channels, enricher=enricher and enricher.value)
-
-    compare_into(folder, data, inputs_of(data), settings, frame_slice(frames), strict=strict)
+    rows = rows_for(inputs_of(data), enricher and enricher.value, config, set_ or ())
+    compare_into(folder, data, rows, frame_slice(frames), strict=strict)
 
 
 def inputs_of(data: Dataset) -> Sequence[str]:
@@ -53,34 +54,50 @@ def inputs_of(data: Dataset) -> Sequence[str]:
     return [name for name in INPUTS if name == "enriched" or (name == "16" and rings in (*range(17), 64)) or rings > 16]
 
 
+def rows_for(
+    inputs: Sequence[str], enricher: str | None = None, source: str | None = None, overrides: Sequence[str] = ()
+) -> dict[str, Config]:
+    """The configuration of each row: the inputs, and ray-segment before another enricher, if that can run here.
+
+    Raises InputError as `load_config` does.
+    """
+    from enrichment.methods import runnable
+
+    rows = {}
+    for channels in inputs:
+        settings = load_config(source, overrides, input=channels, enricher=enricher)
+        if channels == "enriched" and settings.front_end.enricher in set(runnable()) - {TRAINING_FREE}:
+            rows[TRAINING_FREE] = load_config(source, overrides, input=channels, enricher=TRAINING_FREE)
+        rows[channels] = settings
+    return rows
+
+
 def compare_into(
     folder: Path,
     data: Dataset,
-    inputs: Sequence[str],
-    settings: Callable[[str], Config],
+    rows: Mapping[str, Config],
     frames: slice = slice(None),
     *,
     name: str | None = None,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """A run folder for each input, compare.json and compare.md beside them, and the table on stdout.
+    """A run folder for each row, compare.json and compare.md beside them, and the table on stdout.
 
-    `settings` gives the configuration of an input. Raises InputError as `run_into` does, and before any work where a
-    folder cannot be written.
+    Raises InputError as `run_into` does, and before any work where a folder cannot be written.
     """
     from eval.compare import compare_runs
     from eval.evaluation import write_json
     from eval.tables import comparison_markdown, format_comparison
     from slam.data.atomic import write_text
 
-    folders = {channels: folder / channels for channels in inputs}
+    folders = {row: folder / row for row in rows}
     for each in folders.values():
         require_writable(each)
-    for channels, each in folders.items():
-        run_into(each, data, settings(channels), frames, name=name, strict=strict)
+    for row, settings in rows.items():
+        run_into(folders[row], data, settings, frames, name=name, strict=strict)
     comparison = compare_runs(folders)
     write_json(folder / "compare.json", comparison)
-    title = f"{name or data.name}, {len(range(len(data))[frames])} frames"
+    title = f"{name or data.name}, {len(range(len(data))[frames])} frames, {input_name(rows['enriched'])}"
     write_text(folder / "compare.md", comparison_markdown(comparison, title))
     print(f"\n{title}\n")
     print(format_comparison(comparison))

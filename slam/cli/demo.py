@@ -10,9 +10,8 @@ from typing import Annotated
 import typer
 
 from slam.cli.arguments import require_writable
-from slam.cli.compare import INPUTS, compare_into
+from slam.cli.compare import INPUTS, compare_into, rows_for
 from slam.cli.console import messages, progress
-from slam.config import load_config
 from slam.data.errors import InputError
 
 QUICK = 100  # frames
@@ -20,7 +19,7 @@ QUICK = 100  # frames
 
 def demo(
     out: Annotated[Path, typer.Option(help="The folder for the runs and their comparison.")] = Path("runs/demo"),
-    quick: Annotated[bool, typer.Option("--quick", help=f"Only the first {QUICK} frames: under a minute.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help=f"Only the first {QUICK} frames: a minute or two.")] = False,
 ) -> None:
     """See what it does, without any data: simulate a drive, run it at 16 channels, enriched and at 64, and compare.
 
@@ -28,15 +27,16 @@ def demo(
     """
     from slam.data.dataset import open_dataset
 
-    for channels in INPUTS:
-        require_writable(out / channels)
+    rows = rows_for(INPUTS)
+    for row in rows:
+        require_writable(out / row)
     town, count = _simulated(QUICK if quick else None)
     messages.print(
         "LiDAR SLAM on these scans: with 16 of the 64 rings, as a cheap LiDAR has them; with the others filled in; "
         "and with all as they were measured."
     )
     data = open_dataset(town)
-    compare_into(out, data, INPUTS, lambda channels: load_config(input=channels), slice(count), name="Simulated loop")
+    compare_into(out, data, rows, slice(count), name="Simulated loop")
     print("Your own drive: lidarlift compare path/to/drive, or lidarlift run path/to/drive")
 
 

@@ -61,8 +61,8 @@ def run_into(
 
 def input_name(settings: Config) -> str:
     """Of a configuration, for people."""
-    channels = settings.front_end.input
-    return channels if channels == "enriched" else f"{channels} channels"
+    front_end = settings.front_end
+    return f"enriched by {front_end.enricher}" if front_end.input == "enriched" else f"{front_end.input} channels"
 
 
 def _report(problems: Sequence[Problem]) -> None:

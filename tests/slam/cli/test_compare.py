@@ -8,15 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
+from slam.cli.compare import INPUTS, rows_for
 from slam.data.point_files import read_points
 from slam.session import read_report
 
 Command = Callable[..., Any]
 
 
+QUICK = ("--enricher", "ray-segment")
+
+
 def test_three_inputs_of_one_drive(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
-    result = lidarlift("compare", street_drive(), "--out", "c", "--frames", "0:5")
+    result = lidarlift("compare", street_drive(), "--out", "c", "--frames", "0:5", *QUICK)
     assert result.code == 0, result.err
     assert sorted(path.name for path in Path("c").iterdir()) == ["16", "64", "compare.json", "compare.md", "enriched"]
     inputs = json.loads(Path("c/compare.json").read_text())["inputs"]
@@ -26,12 +31,34 @@ def test_three_inputs_of_one_drive(lidarlift: Command, street_drive: Callable[..
         assert figures["frames"] == 5
         assert figures["ate_m"] < 0.1
     assert "Table III" in result.out
-    assert "5 frames" in result.out
+    assert "5 frames, enriched by ray-segment" in result.out
+
+
+def test_another_enricher_stands_beside_ray_segment(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    result = lidarlift("compare", street_drive(), "--out", "c", "--frames", "0:3", "--enricher", "joint")
+    assert result.code == 0, result.err
+    assert list(json.loads(Path("c/compare.json").read_text())["inputs"]) == ["16", "ray-segment", "enriched", "64"]
+    for row, enricher in (("ray-segment", "ray-segment"), ("enriched", "joint")):
+        assert enricher_of(Path("c") / row) == enricher
+    assert "3 frames, enriched by joint" in result.out
+
+
+def test_lift_enriches_by_default(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    assert lidarlift("run", street_drive(), "--input", "enriched", "--out", "r", "--frames", "0:2").code == 0
+    assert enricher_of(Path("r")) == "lift"
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_network_without_weights_is_ray_segment_and_has_no_row_beside_it(
+    there: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("enrichment.network_method.has_weights", lambda _: there)
+    assert list(rows_for(INPUTS)) == ["16", *(["ray-segment"] if there else []), "enriched", "64"]
 
 
 def test_a_sensor_of_sixteen_rings_has_no_64(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     folder = own_folder(street_drive())
-    result = lidarlift("compare", folder, "--out", "c", "--frames", "0:3")
+    result = lidarlift("compare", folder, "--out", "c", "--frames", "0:3", *QUICK)
     assert result.code == 0, result.err
     assert sorted(path.name for path in Path("c").iterdir()) == ["16", "compare.json", "compare.md", "enriched"]
     points = {name: read_points(Path("c") / name / "map.pcd").xyz for name in ("16", "enriched")}
@@ -47,6 +74,10 @@ def test_no_enrichment_without_laser_lines(lidarlift: Command, street_drive: Cal
 def test_a_folder_that_cannot_be_written(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     Path("file").write_text("")
     lidarlift("compare", street_drive(), "--out", "file").refused("file")
+
+
+def enricher_of(run: Path) -> str:
+    return str(read_report(run)["protocol"]["config"]["front_end"]["enricher"])
 
 
 def own_folder(sequence: Path) -> Path:

@@ -1,0 +1,123 @@
+"""Odometry over a drive from given clouds, and how it is judged: distances, and whether its covariance is true."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from enrichment.enricher import Enricher
+from enrichment.sparse_scan import Method
+from eval.evaluation import evaluate
+from slam.config import load_config
+from slam.data import se3
+from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.dataset import Dataset, open_dataset
+from slam.front_end import FrontEnd, RingFrontEnd
+from slam.odometry import Odometry, OdometryStep
+from slam.pipeline import sweep_duration
+from slam.settings import OdometrySettings
+from slam.simulation.simulation import Settings, Simulation
+
+CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarlift" / "benchmarks"
+TOWNS = ("loop", "jam", "straight")
+START = 5  # frames whose motion does not count for NEES: the first maps
+
+
+def simulated(name: str, camera: bool = False) -> Dataset:
+    """One of the town's drives, simulated where the cache has it not yet; the scans are the same with a camera."""
+    folder = CACHE / f"{name}-{'camera' if camera else 'every-frame'}"
+    Simulation(Settings(drive=name, camera=camera)).write(folder)
+    return open_dataset(folder)
+
+
+def front_ends(data: Dataset, methods: Mapping[str, Method]) -> dict[str, tuple[FrontEnd, OdometrySettings]]:
+    """For 64 channels, for 16, and for these filled in by each method, each with the settings of its preset."""
+    assert data.sensor is not None
+    sparse = RingFrontEnd(load_config(input="16").front_end, data.sensor)
+    made: dict[str, tuple[FrontEnd, str]] = {
+        "64": (RingFrontEnd(load_config().front_end, data.sensor), "64"),
+        "16": (sparse, "16"),
+    }
+    for name, method in methods.items():
+        made[name] = Enricher(sparse, method, *sparse.lines(), data.sensor), "enriched"
+    return {name: (front_end, load_config(input=channels).odometry) for name, (front_end, channels) in made.items()}
+
+
+def clouds_of(front_end: FrontEnd, frames: Iterable[Frame]) -> tuple[list[PointCloud], float]:
+    """What it makes of the frames, and its median milliseconds a frame."""
+    clouds, seconds = [], []
+    for frame in frames:
+        begin = perf_counter()
+        clouds.append(front_end(frame, ()))
+        seconds.append(perf_counter() - begin)
+    return clouds, 1e3 * float(np.median(seconds))
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One odometry over a drive: poses (N, 4, 4), its median milliseconds a frame, NEES per degree of freedom."""
+
+    poses: Array
+    failed: int
+    milliseconds: float
+    nees: float | None
+
+    @property
+    def length(self) -> float:
+        return float(np.linalg.norm(np.diff(self.poses[:, :3, 3], axis=0), axis=1).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Runner:
+    """Odometry over a drive's frames; `truth` (N, 4, 4) where it is exact enough to judge covariances by."""
+
+    data: Dataset
+    frames: Sequence[Frame]
+    truth: Array | None
+
+    def __call__(self, clouds: Iterable[PointCloud], settings: OdometrySettings) -> Track:
+        angle = self.data.sensor.vertical_correction if self.data.sensor else 0.0
+        odometry = Odometry(settings, sweep_duration=sweep_duration(self.data), vertical_correction=angle)
+        steps: list[OdometryStep] = []
+        seconds: list[float] = []
+        for frame, cloud in zip(self.frames, clouds, strict=True):
+            begin = perf_counter()
+            steps.append(odometry.register(cloud, frame.stamp))
+            seconds.append(perf_counter() - begin)
+        return Track(
+            poses=np.array([step.pose for step in steps]),
+            failed=sum(step.status == "failed" for step in steps),
+            milliseconds=1e3 * float(np.median(seconds)),
+            nees=None if self.truth is None else nees(steps, self.truth),
+        )
+
+
+def nees(steps: Sequence[OdometryStep], truth: Array) -> float:
+    """Normalised estimation error squared of the motion from frame to frame, mean, per degree of freedom (Bar-Shalom
+    et al., Estimation with Applications to Tracking and Navigation, 5.4.2): 1 where covariances are true."""
+    poses = np.array([step.pose for step in steps])
+    motion, true_motion = (se3.inverse(path[:-1]) @ path[1:] for path in (poses, truth))
+    values = []
+    for step, found, true in list(zip(steps[1:], motion, true_motion, strict=True))[START:]:
+        error = se3.log(se3.inverse(found) @ true)
+        values.append(error @ np.linalg.solve(step.covariance, error) / 6)
+    return float(np.mean(values))
+
+
+def apart(track: Track, reference: Track) -> float:
+    return rmse(track.poses, reference.poses)
+
+
+def rmse(poses: Array, reference: Array) -> float:
+    """After SE(3) alignment, metres."""
+    return float(evaluate(poses, reference)["ate"]["aligned"]["rmse"])
+
+
+def geometric_mean(values: Sequence[float]) -> float | None:
+    """None of nothing."""
+    return float(np.exp(np.mean(np.log(values)))) if values else None
