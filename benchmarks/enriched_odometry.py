@@ -19,13 +19,15 @@ from typing import Any
 import numpy as np
 from recipes import SIXTEEN
 from report import number, surroundings, table, target, write_section
-from tracks import CACHE, TOWNS, Runner, apart, clouds_of, geometric_mean, rmse, simulated
+from tracks import CACHE, TOWNS, Runner, apart, geometric_mean, rmse, simulated
 
 from eval.evaluation import write_json
 from slam.cli.front_ends import front_end_for
 from slam.config import load_config
+from slam.data.cloud import Frame, PointCloud
 from slam.data.dataset import Dataset, open_dataset
 from slam.data.errors import InputError
+from slam.front_end import FrontEnd, History
 from slam.settings import OdometrySettings
 
 HERE = Path(__file__).parent
@@ -88,19 +90,25 @@ def measured(data: Dataset, phase: int, step: int) -> Row:
     frames = [data[position] for position in range(0, len(data), step)]
     truth = data.ground_truth
     known = truth[::step] if truth is not None and np.isfinite(truth).all() else None
-    clouds, front_ms = {}, {}
-    for name in ("64", "16", "enriched"):
-        config = load_config(input=name, overrides=_phase(phase), enricher="ray-segment")
-        clouds[name], front_ms[name] = clouds_of(front_end_for(config.front_end, data), frames)
     run = Runner(data, frames, known if data.path.is_relative_to(CACHE) else None)
-    dense = run(clouds["64"], load_config(input="64").odometry)
-    plain = {name: run(clouds["16"], OdometrySettings(**settings)) for name, settings in SIXTEEN.items()}
-    ours = run(clouds["16"], load_config(input="16").odometry)
-    settings = load_config(input="enriched").odometry
-    enriched = run(clouds["enriched"], settings)
-    unweighted = run([replace(cloud, sigma=None) for cloud in clouds["enriched"]], settings)
+
+    def front_end(name: str) -> FrontEnd:
+        config = load_config(input=name, overrides=_phase(phase), enricher="ray-segment")
+        return front_end_for(config.front_end, data)
+
+    def unweighted(frame: Frame, history: History) -> PointCloud:
+        return replace(filled(frame, history), sigma=None)
+
+    dense = run(front_end("64"), load_config(input="64").odometry)
+    plain = {name: run(front_end("16"), OdometrySettings(**settings)) for name, settings in SIXTEEN.items()}
+    ours = run(front_end("16"), load_config(input="16").odometry)
+    settings, filled = load_config(input="enriched").odometry, front_end("enriched")
+    enriched, equal = run(front_end("enriched"), settings), run(unweighted, settings)
     to_scan = {
-        name: run(clouds[name], load_config(SCAN_TO_SCAN, THINNER if name == "enriched" else (), input=name).odometry)
+        name: run(
+            front_end(name),
+            load_config(SCAN_TO_SCAN, THINNER if name == "enriched" else (), input=name).odometry,
+        )
         for name in ("64", "16", "enriched")
     }
     tracks = {"64": dense, "16": ours, "enriched": enriched}
@@ -114,8 +122,8 @@ def measured(data: Dataset, phase: int, step: int) -> Row:
         scan_to_scan={name: apart(to_scan[name], to_scan["64"]) for name in ("16", "enriched")},
         ate={} if known is None else {name: rmse(track.poses, known) for name, track in tracks.items()},
         nees={name: track.nees for name, track in tracks.items()},
-        front_end_ms=front_ms["enriched"],
-        odometry_ms={name: track.milliseconds for name, track in (*tracks.items(), ("unweighted", unweighted))},
+        front_end_ms=enriched.front_end_ms,
+        odometry_ms={name: track.milliseconds for name, track in (*tracks.items(), ("unweighted", equal))},
     )
 
 

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from recipes import SIXTEEN
 from report import number, surroundings, table, target, write_section
-from tracks import CACHE, TOWNS, Runner, apart, clouds_of, front_ends, geometric_mean, rmse, simulated
+from tracks import CACHE, TOWNS, Runner, apart, front_ends, geometric_mean, rmse, simulated
 
 from enrichment.lift_method import LiftMethod
 from enrichment.methods import LIFT
@@ -85,12 +85,11 @@ def measured(data: Dataset, folders: Mapping[str, Path]) -> dict[str, Any]:
     frames, truth = [data[position] for position in range(len(data))], data.ground_truth
     known = truth if truth is not None and np.isfinite(truth).all() else None
     run = Runner(data, frames, known if data.path.is_relative_to(CACHE) else None)
-    tracks, to_64, front_end_ms = {}, {}, {}
+    tracks, to_64 = {}, {}
     for name, (front_end, settings) in front_ends(data, {SEGMENT: RaySegment(), LIFT: lift}).items():
-        clouds, front_end_ms[name] = clouds_of(front_end, frames)
-        tracks[name] = run(clouds, settings)
+        tracks[name] = run(front_end, settings)
         if name == PLAIN:
-            plain = [run(clouds, OdometrySettings(**recipe)) for recipe in SIXTEEN.values()]
+            plain = [run(front_end, OdometrySettings(**recipe)) for recipe in SIXTEEN.values()]
             to_64[name] = min(apart(track, tracks[DENSE]) for track in plain)
         else:
             to_64[name] = apart(tracks[name], tracks[DENSE])
@@ -101,7 +100,7 @@ def measured(data: Dataset, folders: Mapping[str, Path]) -> dict[str, Any]:
         "failed": tracks[LIFT].failed,
         "ate": {name: None if known is None else rmse(track.poses, known) for name, track in tracks.items()},
         "nees": {name: track.nees for name, track in tracks.items()},
-        "front_end_ms": front_end_ms,
+        "front_end_ms": {name: track.front_end_ms for name, track in tracks.items()},
     }
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from report import number, surroundings, table, write_section
-from tracks import Runner, apart, clouds_of, front_ends
+from tracks import Runner, apart, front_ends
 
 from enrichment.methods import make_methods, runnable
 from eval.evaluation import evaluate, write_json
@@ -56,14 +56,13 @@ def measured(data: Dataset) -> list[dict[str, Any]]:
     run, methods = Runner(data, frames, None), make_methods([name for name in ENRICHERS if name in runnable()])
     tracks, rows = {}, []
     for name, (front_end, settings) in front_ends(data, methods).items():
-        clouds, milliseconds = clouds_of(front_end, frames)
-        tracks[name] = run(clouds, settings)
+        tracks[name] = run(front_end, settings)
         metrics = evaluate(tracks[name].poses, truth)
         rows.append(
             {
                 "drive": data.name, "input": name, "ate_m": metrics["ate"]["aligned"]["rmse"],
                 "table_iii_m": {key: metrics["paper_table_iii"][key] for key in STATISTICS},
-                "to_64_m": apart(tracks[name], tracks["64"]), "front_end_ms": milliseconds,
+                "to_64_m": apart(tracks[name], tracks["64"]), "front_end_ms": tracks[name].front_end_ms,
             }
         )  # fmt: skip
         print(rows[-1], file=sys.stderr)

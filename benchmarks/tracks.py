@@ -1,9 +1,10 @@
-"""Odometry over a drive from given clouds, and how it is judged: distances, and whether its covariance is true."""
+"""Odometry over a drive, and how it is judged: distances, and whether its covariance is true."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -19,7 +20,7 @@ from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import Dataset, open_dataset
 from slam.front_end import FrontEnd, RingFrontEnd
 from slam.odometry import Odometry, OdometryStep
-from slam.pipeline import sweep_duration
+from slam.pipeline import HISTORY, sweep_duration
 from slam.settings import OdometrySettings
 from slam.simulation.simulation import Settings, Simulation
 
@@ -48,22 +49,13 @@ def front_ends(data: Dataset, methods: Mapping[str, Method]) -> dict[str, tuple[
     return {name: (front_end, load_config(input=channels).odometry) for name, (front_end, channels) in made.items()}
 
 
-def clouds_of(front_end: FrontEnd, frames: Iterable[Frame]) -> tuple[list[PointCloud], float]:
-    """What it makes of the frames, and its median milliseconds a frame."""
-    clouds, seconds = [], []
-    for frame in frames:
-        begin = perf_counter()
-        clouds.append(front_end(frame, ()))
-        seconds.append(perf_counter() - begin)
-    return clouds, 1e3 * float(np.median(seconds))
-
-
 @dataclass(frozen=True, eq=False)
 class Track:
-    """One odometry over a drive: poses (N, 4, 4), its median milliseconds a frame, NEES per degree of freedom."""
+    """One odometry over a drive: poses (N, 4, 4), median milliseconds a frame, NEES per degree of freedom."""
 
     poses: Array
     failed: int
+    front_end_ms: float
     milliseconds: float
     nees: float | None
 
@@ -80,19 +72,28 @@ class Runner:
     frames: Sequence[Frame]
     truth: Array | None
 
-    def __call__(self, clouds: Iterable[PointCloud], settings: OdometrySettings) -> Track:
+    def __call__(self, front_end: FrontEnd, settings: OdometrySettings) -> Track:
+        """The front end is shown the past, as while driving."""
         angle = self.data.sensor.vertical_correction if self.data.sensor else 0.0
         odometry = Odometry(settings, sweep_duration=sweep_duration(self.data), vertical_correction=angle)
+        past: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
         steps: list[OdometryStep] = []
-        seconds: list[float] = []
-        for frame, cloud in zip(self.frames, clouds, strict=True):
-            begin = perf_counter()
+        clocks = []
+        for frame in self.frames:
+            now_world = se3.inverse(odometry.predict(frame.stamp))
+            clock = [perf_counter()]
+            cloud = front_end(frame, [(then, now_world @ pose) for then, pose in past])
+            clock.append(perf_counter())
             steps.append(odometry.register(cloud, frame.stamp))
-            seconds.append(perf_counter() - begin)
+            clock.append(perf_counter())
+            past.append((cloud, steps[-1].pose))
+            clocks.append(np.diff(clock))
+        front_end_ms, milliseconds = 1e3 * np.median(clocks, axis=0)
         return Track(
             poses=np.array([step.pose for step in steps]),
             failed=sum(step.status == "failed" for step in steps),
-            milliseconds=1e3 * float(np.median(seconds)),
+            front_end_ms=float(front_end_ms),
+            milliseconds=float(milliseconds),
             nees=None if self.truth is None else nees(steps, self.truth),
         )
 

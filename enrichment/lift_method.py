@@ -6,7 +6,6 @@ from importlib.resources.abc import Traversable
 
 import numpy as np
 
-from enrichment.depth_completion import sure
 from enrichment.lift_input import LiftInput, lift_input
 from enrichment.network_method import WEIGHTS, Fallback, noted, session
 from enrichment.ray_segment import RaySegment
@@ -21,9 +20,11 @@ SIGMA = np.float32(1.15)  # half the width of the central 68 % interval of a Lap
 class LiftMethod:
     """The method: ranges on all rays between two returns, with the network's own sigma.
 
-    The camera helps where it sees; without an image the rings alone decide. Without weights or ONNX Runtime it is
-    ray-segment, and the log says so once. Raises InputError where the weights are damaged. `parameters` is how many
-    were learned, None where the network cannot run.
+    The camera helps where it sees, and past scans where they are known; without, the rings alone decide. Trusted is
+    every ray that is likely to have a return, however unsure: hedges and edges, where nobody is sure, hold the odometry
+    forward, and it weighs them by sigma. Without weights or ONNX Runtime it is ray-segment, and the log says so once.
+    Raises InputError where the weights are damaged. `parameters` is how many were learned, None where the network
+    cannot run.
     """
 
     parameters: int | None = None
@@ -51,7 +52,7 @@ class LiftMethod:
         ranges[given.rows] = np.where(known, rho * stretch, np.float32(0))
         sigma[given.rows] = np.where(known, SIGMA * scale * stretch, np.float32(np.inf))
         trusted[given.rows] = known & (valid > 0)
-        return Prediction(ranges, sigma, trusted & sure(ranges, sigma))
+        return Prediction(ranges, sigma, trusted)
 
     def _run(self, given: LiftInput) -> tuple[Array, Array, Array]:
         """rho, scale and validity, (Q, W) each."""

@@ -8,7 +8,7 @@ from torch.nn import functional
 
 from enrichment.networks.lift import Answer
 
-ABSOLUTE, SQUARED, CHOICE, VALID = 1.0, 0.02, 0.1, 0.2  # weights beside the likelihood
+ABSOLUTE, SQUARED, CHOICE, VALID = 1.0, 0.05, 0.1, 0.2  # weights beside the likelihood
 LONG = 20.0  # m: from there errors count linearly
 SOFT, SOFT_SHARE = 0.1, 0.01  # m, and of the range: candidates whose errors differ by less are as good
 MATTERS = 0.05, 5.0  # m: bounds of what a choice may weigh

@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.utils.data import Dataset as Examples
 
 from enrichment.held_out import PAST, past_of, ring_step
-from enrichment.lift_input import LiftInput, lift_input
+from enrichment.lift_input import RAY_CHANNELS, LiftInput, lift_input
 from enrichment.networks.lift import MULTIPLE
 from enrichment.rays import COLUMNS, RayGrid, columns_for
 from enrichment.sparse_scan import Past, SparseScan, of_rings
@@ -26,6 +26,8 @@ HELD_OUT = 1 / 3  # of the rings, where a LiDAR has few: no two neighbours, so t
 BLIND = 0.2  # of the examples have no image
 ALONE = 0.3  # of the examples have no past
 MOVED, TURNED = 0.02, 0.0005  # m, rad: standard deviations of a prediction's error, each axis
+CROP, BLURRED = 600, 40  # columns of an example, and of these on either side without answers
+SEEN = RAY_CHANNELS.index("seen")
 LARGEST = 1.3  # times as large, or as small, is a scene without an image
 
 
@@ -40,10 +42,10 @@ class LiftExample(NamedTuple):
 
 
 class DrawnScans(Examples[LiftExample]):
-    """`count` examples from number `first` on: rings, image or none, mirror, light and size are drawn.
+    """`count` examples from number `first` on: rings, past, image or none, mirror, light, size and part are drawn.
 
-    A turn of the LiDAR is not: the network does not know where the columns begin. With `own_rings` a sensor of 64 lines
-    is taken for one of every fourth of them, and only these are the answers.
+    An example is a part of CROP columns, every other one what the camera sees. With `own_rings` a sensor of 64 lines is
+    taken for one of every fourth of them, and only these are the answers.
     """
 
     def __init__(self, drives: Sequence[Dataset], own_rings: bool, seed: int, first: int, count: int) -> None:
@@ -66,7 +68,9 @@ class DrawnScans(Examples[LiftExample]):
             frame = replace(frame, cloud=_resized(frame.cloud, sensor, factor))
             past = [(_resized(then, sensor, factor), _scaled(T_now_then, factor)) for then, T_now_then in past]
         kept, asked = drawn_rings(sensor, self._own_rings, rng)
-        return example(frame, sensor, kept, asked, image, past, mirrored=rng.random() < 0.5)
+        whole = example(frame, sensor, kept, asked, image, past, mirrored=rng.random() < 0.5)
+        ahead = image is not None and rng.random() < 0.5
+        return part_of(whole, int(rng.integers(whole.rays.shape[-1])) if not ahead else _ahead(whole))
 
 
 class WholeScans(Examples[LiftExample]):
@@ -131,6 +135,26 @@ def example(
     before = [(of_rings(then, kept), T_now_then) for then, T_now_then in past]
     scan = SparseScan(of_rings(cloud, kept), sensor, kept, lambda: image, frame.calibration, columns, before)
     return _tensors(lift_input(scan, grid), _truth(of_rings(cloud, asked), grid), mirrored)
+
+
+def part_of(whole: LiftExample, centre: int) -> LiftExample:
+    """CROP columns around one. Next to its edges nothing is asked: there the network sees less than while driving."""
+    columns = whole.rays.shape[-1]
+    if columns <= CROP:
+        return whole
+    some = torch.arange(centre - CROP // 2, centre + CROP // 2) % columns
+    rings, upper, rays, candidates, truth = whole
+    truth = truth[..., some].clone()
+    truth[..., :BLURRED], truth[..., -BLURRED:] = 0, 0
+    return LiftExample(rings[..., some], upper, rays[..., some], candidates[..., some], truth)
+
+
+def _ahead(whole: LiftExample) -> int:
+    """The column in the middle of those that the camera sees; the camera may look across the seam."""
+    seen = (whole.rays[0, SEEN] > 0).any(dim=0)
+    angle = 2 * np.pi * torch.arange(len(seen)) / len(seen)
+    mean = torch.atan2((angle.sin() * seen).sum(), (angle.cos() * seen).sum())
+    return int(mean / (2 * np.pi) * len(seen)) % len(seen)
 
 
 def _truth(cloud: PointCloud, grid: RayGrid) -> Array:

@@ -28,6 +28,14 @@ def _as_they_are(examples: list[LiftExample]) -> list[LiftExample]:
     return examples
 
 
+def _loss(network: nn.Module, scans: list[LiftExample]) -> Tensor:
+    """Of scans with the same rings above each row."""
+    rings, rays, candidates, truth = (
+        torch.cat([getattr(scan, name) for scan in scans]) for name in ("rings", "rays", "candidates", "truth")
+    )
+    return lift_loss(network(rings, scans[0].upper, rays, candidates), rays, candidates, truth)
+
+
 @dataclass(frozen=True)
 class LiftTask:
     """A `Task`, of drives to train on and to validate on. Raises InputError where a drive's rings are unknown.
@@ -68,8 +76,11 @@ class LiftTask:
         return WholeScans(self.validation)
 
     def loss(self, network: nn.Module, batch: list[LiftExample], plan: Plan) -> Tensor:
-        losses = [lift_loss(network(*scan[:-1]), scan.rays, scan.candidates, scan.truth) for scan in batch]
-        return torch.stack(losses).mean()
+        alike: dict[tuple[object, ...], list[LiftExample]] = {}
+        for scan in batch:
+            alike.setdefault((scan.rays.shape, *scan.upper.tolist()), []).append(scan)
+        losses = [len(scans) * _loss(network, scans) for scans in alike.values()]
+        return torch.stack(losses).sum() / len(batch)
 
     def errors(self, network: nn.Module, batch: list[LiftExample]) -> tuple[Tensor, Tensor]:
         (scan,) = batch
