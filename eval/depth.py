@@ -23,6 +23,7 @@ PROTOCOL = {
     "AUSE": "mean over k = 1..N of (MAE of the k predictions of smallest sigma - of the k of smallest |error|), in mm",
     "calibration": "share of the predictions with |error| <= sigma; 0.68 if sigma is what it should be; sigma is "
     "scaled by what rings held out of the sparse scan itself ask for, as while driving",
+    "past": "methods are shown the same rings of up to five scans before, placed by the drive's true poses, if known",
     "trusted": "the predictions that the method itself holds worth registering",
     "at_80": "the 80 % of the predictions with the smallest sigma",
     "bands": "by true range in metres, from the first number up to the second",

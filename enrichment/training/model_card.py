@@ -57,7 +57,7 @@ lidarlift, {parameters:,} parameters. Input and output: `enrichment.lift_input` 
 
     {command}
 
-Step {step} of {steps}, {batch} whole scans a step, AdamW, learning rate up to {rate:g}, seed {seed}, {precision}.
+Step {step} of {steps}, parts of {batch} scans a step, AdamW, learning rate up to {rate:g}, seed {seed}, {precision}.
 
 ## Figures
 
@@ -68,7 +68,8 @@ Step {step} of {steps}, {batch} whole scans a step, AdamW, learning rate up to {
 {licence}
 """
 ALL_RINGS = """Which rings are the input is drawn anew for each example: most often every 4th of 64, with a random first
-one. The returns of all others are the answers."""
+one; so is how many scans before are shown, placed by true poses with a small error. The returns of all other rings are
+the answers."""
 OWN_RINGS = "Some rings of the sparse LiDAR itself were the input, others of it the answers: no ground truth was used."
 NON_COMMERCIAL = """Trained on KITTI (Geiger, Lenz, Stiller, Urtasun, "Vision meets Robotics: The KITTI Dataset", IJRR
 2013), which is under CC BY-NC-SA 3.0: these weights are for non-commercial use only."""

@@ -63,9 +63,9 @@ def train(
     steps: Annotated[int | None, typer.Option(min=1, help="Instead: so many steps.")] = None,
     batch: Annotated[int, typer.Option(min=1, help="Examples a step (on each GPU).")] = 4,
     crop: Annotated[
-        str, typer.Option(help="Height and width of an example, at --scale; lift takes whole scans.")
+        str, typer.Option(help="Height and width of an example, at --scale; lift has its own.")
     ] = "160x304",
-    scale: Annotated[float, typer.Option(min=0.1, max=1.0, help="Of the images; lift takes them whole.")] = 0.5,
+    scale: Annotated[float, typer.Option(min=0.1, max=1.0, help="Of the images; lift takes them as they are.")] = 0.5,
     seed: Annotated[int, typer.Option(min=0, help="Of the first weights, the examples and dropout.")] = 0,
     rate: Annotated[float | None, typer.Option(min=0, help="Highest learning rate. Default: the model's own.")] = None,
     absolute: Annotated[

@@ -7,8 +7,9 @@ import onnxruntime
 import pytest
 import torch
 
-from enrichment.methods import NETWORK_METHODS, runnable
+from enrichment.methods import LIFT, NETWORK_METHODS, runnable
 from enrichment.network_method import WEIGHTS
+from enrichment.networks import lift
 from enrichment.networks.export import load_weights
 from enrichment.networks.registry import NETWORKS
 
@@ -16,8 +17,9 @@ MOST = 25e6  # bytes, all networks together
 
 
 def test_each_has_both_files_and_a_card_and_can_run() -> None:
-    assert set(NETWORK_METHODS) <= set(runnable())
-    for name in NETWORK_METHODS:
+    names = [LIFT, *NETWORK_METHODS]
+    assert set(names) <= set(runnable())
+    for name in names:
         assert (WEIGHTS / f"{name}.safetensors").is_file()
         card = (WEIGHTS / f"{name}.md").read_text()
         for heading in ("## Data", "## Training", "## Figures", "## Licence"):
@@ -25,7 +27,7 @@ def test_each_has_both_files_and_a_card_and_can_run() -> None:
         assert f"lidarlift train {name}" in card
         assert "non-commercial use only" in card
         assert "KITTI odometry 04" not in card  # the drives for tests
-        assert "drive_0005" not in card
+        assert name == LIFT or "drive_0005" not in card
 
 
 def test_they_are_small() -> None:
@@ -47,3 +49,20 @@ def test_onnx_gives_torchs_depths(name: str) -> None:
     (dense,) = session.run(None, {key: given[key].numpy() for key in inputs})
     assert expected.std() > 1
     np.testing.assert_allclose(dense, expected, rtol=0, atol=1e-3)
+
+
+def test_lifts_onnx_gives_torchs_ranges() -> None:
+    """Of the ray segments' own candidates, for want of a scan."""
+    generator = torch.Generator().manual_seed(0)
+    rays = torch.rand(1, lift.RAYS, 45, 96, generator=generator)
+    candidates = 5 + 40 * torch.rand(1, lift.CANDIDATES, 45, 96, generator=generator)
+    rings, upper = torch.rand(1, lift.RINGS, 16, 96, generator=generator), torch.arange(45) // 3
+    network = lift.Lift().eval()
+    load_weights(network, WEIGHTS / "lift.safetensors")  # type: ignore[arg-type]
+    with torch.no_grad():
+        expected = network(rings, upper, rays, candidates)
+    session = onnxruntime.InferenceSession((WEIGHTS / "lift.onnx").read_bytes())
+    given = {"rings": rings, "upper": upper, "rays": rays, "candidates": candidates}
+    ranges, scale, _ = session.run(None, {name: values.numpy() for name, values in given.items()})
+    np.testing.assert_allclose(ranges, expected.ranges.numpy(), rtol=0, atol=1e-3)
+    np.testing.assert_allclose(scale, expected.scale.numpy(), rtol=1e-3, atol=1e-3)

@@ -11,8 +11,10 @@ import torch
 
 from enrichment.held_out import past_of
 from enrichment.lift_input import CANDIDATES
-from enrichment.training.lift_examples import DrawnScans, WholeScans, drawn_rings, example
+from enrichment.networks.lift import Lift
+from enrichment.training.lift_examples import BLURRED, CROP, DrawnScans, WholeScans, drawn_rings, example, part_of
 from enrichment.training.lift_task import LiftTask
+from enrichment.training.plan import Plan
 from slam.data.errors import InputError
 from slam.data.sensor import Sensor, load_sensor
 
@@ -100,3 +102,25 @@ def test_the_past_is_of_the_scans_before(drive: Any) -> None:
     assert len(WholeScans([moved])[2].candidates) == 1
     has_past = WholeScans([moved])[2].candidates[0, CANDIDATES.index("past")] > 0
     assert has_past.float().mean() > 0.05
+
+
+def test_next_to_the_edges_of_a_part_nothing_is_asked(drive: Any) -> None:
+    whole = WholeScans([drive])[0]
+    part = part_of(whole, 10)
+    assert part.rays.shape[-1] == part.rings.shape[-1] == CROP
+    torch.testing.assert_close(part.rays[..., CROP // 2], whole.rays[..., 10])
+    assert not part.truth[..., :BLURRED].any()
+    assert not part.truth[..., -BLURRED:].any()
+    inside = part.truth[..., BLURRED:-BLURRED]
+    torch.testing.assert_close(inside[..., CROP // 2 - BLURRED], whole.truth[..., 10])
+
+
+def test_alike_scans_are_learned_from_together(drive: Any) -> None:
+    """The loss does not depend on the order, and scans of other rings may be among them."""
+    torch.manual_seed(0)
+    task, network = LiftTask([drive], []), Lift().eval()
+    batch = [DrawnScans([drive], False, seed, 0, 1)[0] for seed in range(6)]
+    assert len({scan.rays.shape for scan in batch}) > 1
+    plan = Plan("lift", 1)
+    one, other = task.loss(network, batch, plan), task.loss(network, batch[::-1], plan)
+    torch.testing.assert_close(one, other)
