@@ -114,8 +114,11 @@ def _image_table(image: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
 
 
 def _flying_table(methods: Mapping[str, Mapping[str, Any]]) -> str:
+    def percent(share: float | None) -> str:
+        return number(None if share is None else 100 * share, 2)
+
     lines = [
-        (name, f"{figures['points']:,}", *(number(100 * figures[part], 2) for part in ("in_the_air", "surest")))
+        (name, f"{figures['points']:,}", percent(figures["in_the_air"]), percent(figures["surest"]))
         for name, figures in methods.items()
     ]
     return table(("points", "trusted", "in the air %", f"of the surest {100 * COVERAGE:.0f} %"), lines)
