@@ -15,18 +15,16 @@ import argparse
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from lift_weights import held_out, lift_for
 from recipes import SIXTEEN
 from report import number, surroundings, table, target, write_section
 from tracks import CACHE, TOWNS, Runner, apart, front_ends, geometric_mean, rmse, simulated
 
-from enrichment.lift_method import LiftMethod
 from enrichment.methods import LIFT
-from enrichment.network_method import WEIGHTS
 from enrichment.ray_segment import RaySegment
 from eval.evaluation import write_json
 from slam.data.dataset import Dataset, open_dataset
@@ -35,7 +33,6 @@ from slam.settings import OdometrySettings
 
 HERE = Path(__file__).parent
 PLAIN, DENSE, SEGMENT = "16", "64", "ray-segment"
-SEEN = ("0005", "0013")  # the shipped weights were trained on these
 HEADER = ("drive", "weights", "16 cm", "ray-segment cm", "lift cm", "times nearer: ray-segment", "lift", "failed")
 INPUTS = (DENSE, PLAIN, SEGMENT, LIFT)
 TRUTH_HEADER = (
@@ -67,21 +64,10 @@ def main() -> None:
     write_section(arguments.out, "lift-odometry", section(rows, about))
 
 
-def held_out(text: str) -> tuple[str, Path]:
-    """--held-out DRIVE=FOLDER."""
-    drive, equals, folder = text.partition("=")
-    if not (drive and equals and folder):
-        raise argparse.ArgumentTypeError(f"{text}: write DRIVE=FOLDER, as in 0005=weights-without-0005")
-    return drive, Path(folder)
-
-
 def measured(data: Dataset, folders: Mapping[str, Path]) -> dict[str, Any]:
     """Figures by input; distances to the 64-channel odometry in metres. `folders` with weights that have not seen a
     drive, by the end of its name. Raises InputError where Lift has no weights."""
-    about, folder = weights_for(data.name, folders)
-    lift = LiftMethod(folder)
-    if lift.parameters is None:
-        raise InputError(f"{folder}: no weights of {LIFT} that could run here")
+    about, lift = lift_for(data.name, folders)
     frames, truth = [data[position] for position in range(len(data))], data.ground_truth
     known = truth if truth is not None and np.isfinite(truth).all() else None
     run = Runner(data, frames, known if data.path.is_relative_to(CACHE) else None)
@@ -102,14 +88,6 @@ def measured(data: Dataset, folders: Mapping[str, Path]) -> dict[str, Any]:
         "nees": {name: track.nees for name, track in tracks.items()},
         "front_end_ms": {name: track.front_end_ms for name, track in tracks.items()},
     }
-
-
-def weights_for(drive: str, folders: Mapping[str, Path]) -> tuple[str, Traversable]:
-    """What there is to say of the weights for this drive, and their folder."""
-    for ending, folder in folders.items():
-        if drive.endswith(ending):
-            return "without this drive", folder
-    return "shipped, have seen it" if drive.endswith(SEEN) else "shipped", WEIGHTS
 
 
 def gains(rows: Sequence[Mapping[str, Any]], name: str) -> list[float]:

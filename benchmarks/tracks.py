@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -22,17 +22,23 @@ from slam.front_end import FrontEnd, RingFrontEnd
 from slam.odometry import Odometry, OdometryStep
 from slam.pipeline import HISTORY, sweep_duration
 from slam.settings import OdometrySettings
-from slam.simulation.simulation import Settings, Simulation
+from slam.simulation.simulation import SEQUENCE, Settings, Simulation
 
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarlift" / "benchmarks"
 TOWNS = ("loop", "jam", "straight")
 START = 5  # frames whose motion does not count for NEES: the first maps
 
 
-def simulated(name: str, camera: bool = False) -> Dataset:
-    """One of the town's drives, simulated where the cache has it not yet; the scans are the same with a camera."""
+def simulated(name: str, camera: bool = False, frames: Iterable[int] | None = None) -> Dataset:
+    """One of the town's drives, all of it or at least these frames, simulated where the cache has them not yet; the
+    scans are the same with a camera."""
+    simulation = Simulation(Settings(drive=name, camera=camera))
     folder = CACHE / f"{name}-{'camera' if camera else 'every-frame'}"
-    Simulation(Settings(drive=name, camera=camera)).write(folder)
+    simulation.write(folder, frames=None if frames is None else 0)
+    sequence = folder / "sequences" / SEQUENCE
+    for number in frames or ():
+        if not (sequence / f"velodyne/{number:06d}.bin").is_file():
+            simulation.write_frame(sequence, number)
     return open_dataset(folder)
 
 

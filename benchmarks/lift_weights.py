@@ -1,0 +1,46 @@
+"""The weights of Lift that a drive is measured with: none that have seen it, where there are such."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from enrichment.lift_method import LiftMethod
+from enrichment.methods import LIFT
+from enrichment.network_method import WEIGHTS
+from slam.data.errors import InputError
+
+SEEN = ("0005", "0013")  # the shipped weights were trained on these
+
+
+def held_out(text: str) -> tuple[str, Path]:
+    """--held-out DRIVE=FOLDER."""
+    drive, equals, folder = text.partition("=")
+    if not (drive and equals and folder):
+        raise argparse.ArgumentTypeError(f"{text}: write DRIVE=FOLDER, as in 0005=weights-without-0005")
+    return drive, Path(folder)
+
+
+def weights_for(drive: str, folders: Mapping[str, Path]) -> tuple[str, Traversable]:
+    """What there is to say of the weights for this drive, and their folder: one of `folders`, those of trainings
+    without a drive, by the end of its name, else the shipped ones."""
+    for ending, folder in folders.items():
+        if drive.endswith(ending):
+            return "without this drive", folder
+    return "shipped, have seen it" if drive.endswith(SEEN) else "shipped", WEIGHTS
+
+
+def lift_for(drive: str, folders: Mapping[str, Path]) -> tuple[str, LiftMethod]:
+    """What there is to say of the weights for this drive, and Lift with them."""
+    about, folder = weights_for(drive, folders)
+    return about, lift_of(folder)
+
+
+def lift_of(folder: Traversable = WEIGHTS) -> LiftMethod:
+    """Raises InputError where the folder has no weights."""
+    lift = LiftMethod(folder)
+    if lift.parameters is None:
+        raise InputError(f"{folder}: no weights of {LIFT} that could run here")
+    return lift
