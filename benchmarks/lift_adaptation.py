@@ -3,8 +3,8 @@
     python benchmarks/lift_adaptation.py OUT
 
 simulates, for a LiDAR of 16 channels and one of 64, a tunnel to learn from and another one to be judged on; adapts the
-shipped weights by `lidarlift train lift --self-supervised` (some of the LiDAR's 16 rings predict the others); writes the
-lift-adaptation section of benchmarks/RESULTS.md and benchmarks/lift_adaptation.json.
+shipped weights by `lidarlift train lift --self-supervised` (some of the LiDAR's 16 rings predict the others); writes
+the lift-adaptation section of benchmarks/RESULTS.md and benchmarks/lift_adaptation.json.
 """
 
 from __future__ import annotations
@@ -68,9 +68,9 @@ def section(reports: Mapping[str, Any], about: Mapping[str, Any]) -> str:
 
 {about["date"]}, {about["cpu"]}. `python benchmarks/lift_adaptation.py OUT`
 
-* The shipped weights know a LiDAR of 64 lines in streets, most often every 4th of these. Here they learn {STEPS} steps of 4
-  parts of scans from {FRAMES} scans of a simulated tunnel, self-supervised: up to a third of the LiDAR's own 16 rings (of
-  64, every 4th are taken to be its own) are answers, the others the input.
+* The shipped weights know a LiDAR of 64 lines in streets, most often every 4th of these. Here they learn {STEPS} steps
+  from {FRAMES} scans of a simulated tunnel, self-supervised: up to a third of the LiDAR's own 16 rings (of 64, every
+  4th are taken to be its own) are answers, the others the input.
 * Judged on another tunnel, by rings held out there: every 2nd of 16, or three of four of 64.
 * What is learned has gaps between its rings like those that vlp16 is judged on, and twice as wide as those of hdl64.
 
