@@ -6,7 +6,7 @@ from importlib.resources.abc import Traversable
 
 import numpy as np
 
-from enrichment.lift_input import LiftInput, lift_input
+from enrichment.lift_input import CANDIDATES, LiftInput, lift_input
 from enrichment.network_method import WEIGHTS, Fallback, noted, session
 from enrichment.ray_segment import RaySegment
 from enrichment.rays import Prediction, RayGrid
@@ -14,6 +14,10 @@ from enrichment.sparse_scan import SparseScan
 from slam.data.cloud import Array
 
 NAME, MULTIPLE = "lift", 8  # columns that the network takes are inside
+#: Where the scale is larger, the network, which has learned from few streets, is surer of its choice than it should be:
+#: half way to the guess is nearer the truth. Chosen on KITTI 0005 and 0013 by weights that have not seen them.
+UNSURE, HALF_WAY = 1.0, np.float32(0.5)  # m
+GUESS = CANDIDATES.index("guess")
 SIGMA = np.float32(1.15)  # half the width of the central 68 % interval of a Laplace distribution, in its scales
 
 
@@ -47,6 +51,8 @@ class LiftMethod:
         ranges, sigma = np.zeros(grid.shape, np.float32), np.full(grid.shape, np.inf, np.float32)
         trusted = np.zeros(grid.shape, bool)
         rho, scale, valid = self._run(given)
+        guess = given.candidates[GUESS]
+        rho = np.where((guess > 0) & (scale > UNSURE), rho + HALF_WAY * (guess - rho), rho)
         known = given.rays[0] > 0
         stretch = (1 / np.cos(grid.sensor.elevation[given.rows])).astype(np.float32)[:, None]
         ranges[given.rows] = np.where(known, rho * stretch, np.float32(0))
