@@ -83,6 +83,7 @@ class _Beams(NamedTuple):
 def _look_at_image(
     scan: SparseScan, grid: RayGrid, beams: _Beams, rho: Array, rings: Array, rays: Array, candidates: Array
 ) -> None:
+    """Adds what the image tells, to the rings too."""
     assert scan.image is not None
     assert scan.calibration is not None
     image = cv2.GaussianBlur(_pinhole(scan.image, scan.calibration), (0, 0), BLUR)
@@ -98,6 +99,7 @@ def _look_at_image(
 def _look_back(
     scan: SparseScan, beams: _Beams, rho: Array, z: Array, gap: Array, rays: Array, candidates: Array
 ) -> None:
+    """Adds what scans before saw on the rays."""
     first, candidate = RAY_CHANNELS.index("past"), CANDIDATES.index("past")
     best = np.full(rays.shape[1:], np.inf, np.float32)
     for age, (then, T_now_then) in enumerate(reversed(scan.past), start=1):
