@@ -36,13 +36,6 @@ def _loss(network: nn.Module, scans: list[LiftExample]) -> Tensor:
     return lift_loss(network(rings, scans[0].upper, rays, candidates), rays, candidates, truth)
 
 
-def _keep_norms(network: nn.Module) -> None:
-    """Fewer rings than while driving are the input: what batch normalisation knows of the usual ones is kept."""
-    for module in network.modules():
-        if isinstance(module, nn.BatchNorm2d):
-            module.eval()
-
-
 @dataclass(frozen=True)
 class LiftTask:
     """A `Task`, of drives to train on and to validate on. Raises InputError where a drive's rings are unknown.
@@ -83,8 +76,6 @@ class LiftTask:
         return WholeScans(self.validation)
 
     def loss(self, network: nn.Module, batch: list[LiftExample], plan: Plan) -> Tensor:
-        if self.own_rings:
-            _keep_norms(network)
         alike: dict[tuple[object, ...], list[LiftExample]] = {}
         for scan in batch:
             alike.setdefault((scan.rays.shape, *scan.upper.tolist()), []).append(scan)
