@@ -102,7 +102,7 @@ def networks(reports: Mapping[str, Any]) -> str:
         return ""
     sizes = {name: report[name]["parameters"] for report in reports.values() for name in ran if name in report}
     lines = [(name, f"{sizes[name]:,}", *(str(PAPER[name][key]) for key in ("rmse_mm", "mae_mm"))) for name in ran]
-    return f"""The paper's networks, l2l, li2l and f2l, were trained at half the resolution, for at most three hours each
+    return f"""The paper's networks, l2l, li2l and f2l, were trained at half the resolution, in at most 3 hours each
 on one core of a CPU. 04 and 0005 are in no training; 0013 is, so that their rows there are no test. Their depths are
 put right by the returns above and below each ray. All around they take ray-segment's ranges outside of the image. The
 paper's own Table II, on other frames and after training on 1730:
