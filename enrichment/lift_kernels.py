@@ -232,6 +232,15 @@ def _weighted_median(values, weights):
     return median, spread / (2 * half)
 
 
+@njit(inline="always")
+def _filled(dense, scale, u, v, cosine, sine, tangent, offset, projection, otherwise):
+    """rho where a ray is as deep as the depth image says at its pixel."""
+    depth = dense[min(int((v + 0.5) * scale), dense.shape[0] - 1), min(int((u + 0.5) * scale), dense.shape[1] - 1)]
+    along = projection[2, 0] * cosine + projection[2, 1] * sine + projection[2, 2] * tangent
+    rho = (depth - projection[2, 2] * offset - projection[2, 3]) / along
+    return rho if depth > 0.0 and rho > 0.0 else otherwise
+
+
 @njit(cache=True, nogil=True)
 def guess(rays, candidates, pixels, upper, tangent, offset, cosine, sine, projection, image, rho, dense, scale, first):
     """Adds, on unsure rays in the image, the weighted median of the edge, of what returns of like colour near by have,
@@ -268,11 +277,7 @@ def guess(rays, candidates, pixels, upper, tangent, offset, cosine, sine, projec
                 weights[i] *= RETURNS / max(total, 1e-9)
             values[count], weights[count] = candidates[5, row, c], 1.0
             count += 1
-            depth = dense[
-                min(int((v + 0.5) * scale), dense.shape[0] - 1), min(int((u + 0.5) * scale), dense.shape[1] - 1)
-            ]
-            along = projection[2, 0] * cosine[c] + projection[2, 1] * sine[c] + projection[2, 2] * tangent[row]
-            values[count] = (depth - projection[2, 2] * offset[row] - projection[2, 3]) / along if depth > 0.0 else met
+            values[count] = _filled(dense, scale, u, v, cosine[c], sine[c], tangent[row], offset[row], projection, met)
             weights[count] = 1.0
             count += 1
             median, spread = _weighted_median(values[:count], weights[:count])
