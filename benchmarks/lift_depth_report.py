@@ -83,7 +83,8 @@ which are placed by the drive's true poses; "{SINGLE}" does without these. One c
 ### What the image adds
 
 On {found["image_of"]}, returns in the image: MAE in mm of networks from the same training, with the image and without
-ever having seen one, by seed. Spread: largest less smallest. {JUMPS.capitalize()}: of the returns next above and below
+ever having seen one, by seed; the step half way to the guess is part of what the image adds. Spread: largest less
+smallest. {JUMPS.capitalize()}: of the returns next above and below
 on kept rings, one is more than {JUMP:g} m and {100 * JUMP_SHARE:.0f} % further than the other, and not both are
 {-ROAD} m or more below the sensor: there rings are that far apart on the bare road.
 

@@ -143,7 +143,8 @@ kitti_raw_0013 --held-out 0005=FOLDER --held-out 0013=FOLDER`
 {table(HEADER, lines, words=2)}
 ATE against the ground truth (KITTI's own is off by more than the odometry but on 04; the town's is exact), and NEES of
 the motion from frame to frame per degree of freedom: 1 where the covariance is true. 16 channels with the preset
-channels-16. ms: median of enriching a frame, one core.
+channels-16. ms: median of enriching a frame, one core, whatever else the machine was doing; for Lift's time see the
+section before.
 
 {table(TRUTH_HEADER, truths)}"""
 
