@@ -88,7 +88,7 @@ def forgetful(method: Method) -> Method:
     """The same without the scans before."""
 
     def momentary(scan: SparseScan, grid: RayGrid) -> Prediction:
-        return method(replace(scan, past=()), grid)
+        return method(replace(scan, read_past=tuple), grid)
 
     return momentary
 

@@ -58,7 +58,10 @@ class Enricher:
             return cloud
         self._columns = self._columns or columns_for(cloud)
         grid = RayGrid(self.target, self._columns)
-        past = [(self._as_measured(then), T_now_then) for then, T_now_then in history if then.ring is not None]
+
+        def past() -> History:
+            return [(self._as_measured(then), T_now_then) for then, T_now_then in history if then.ring is not None]
+
         scan = SparseScan(cloud, self.lines, self.rings, frame.read_image, frame.calibration, self._columns, past)
         return self._joined(scan, grid, self.method(scan, grid))
 

@@ -74,7 +74,9 @@ def hold_out(frame: Frame, grid: RayGrid, phase: int = 0, past: Past = ()) -> He
     if image is not None and frame.calibration is not None:
         seen = visible(*project(cloud.xyz, frame.calibration), image.shape)[np.isin(cloud.ring, dropped)]
     return HeldOut(
-        scan=SparseScan(cloud, grid.sensor, rings, lambda: image, frame.calibration, past=past).without(dropped),
+        scan=SparseScan(cloud, grid.sensor, rings, lambda: image, frame.calibration, read_past=lambda: past).without(
+            dropped
+        ),
         ring=out.ring,
         column=grid.column_of(out.xyz),
         ranges=grid.range_of(out.xyz, out.ring).astype(np.float32),

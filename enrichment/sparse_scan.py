@@ -30,7 +30,8 @@ class SparseScan:
     read_image   gives `image`, (H, W, 3) uint8 RGB of the same moment, or None; it is read when a method asks for it
     calibration  the camera's, or None
     columns      W of the grids that it is asked for
-    past         what the same rings saw before, newest last: clouds with rings, each with T_now_then (4, 4)
+    read_past    gives `past`: what the same rings saw before, newest last: clouds with rings, each with T_now_then
+                 (4, 4); read when a method asks for it
     """
 
     cloud: PointCloud
@@ -39,12 +40,16 @@ class SparseScan:
     read_image: Callable[[], Array | None] = lambda: None
     calibration: Calibration | None = None
     columns: int = COLUMNS
-    past: Past = ()
+    read_past: Callable[[], Past] = tuple
 
     @cached_property
     def image(self) -> Array | None:
         """(H, W, 3) uint8 RGB."""
         return self.read_image()
+
+    @cached_property
+    def past(self) -> Past:
+        return self.read_past()
 
     @cached_property
     def points(self) -> Array:
@@ -55,8 +60,11 @@ class SparseScan:
     def without(self, rings: Array) -> SparseScan:
         """The same scan as a sensor without these rings (M,) would have seen it."""
         kept = self.rings[~np.isin(self.rings, rings)]
-        past = [(of_rings(then, kept), T_now_then) for then, T_now_then in self.past]
-        return replace(self, cloud=of_rings(self.cloud, kept), rings=kept, past=past)
+
+        def past() -> Past:
+            return [(of_rings(then, kept), T_now_then) for then, T_now_then in self.past]
+
+        return replace(self, cloud=of_rings(self.cloud, kept), rings=kept, read_past=past)
 
     def rows_above(self, sensor: Sensor) -> Array:
         """(R,) int64: which row of `points` is the next one above each of the sensor's lines, one with a row below it.

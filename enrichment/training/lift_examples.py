@@ -133,7 +133,7 @@ def example(
     columns = min(COLUMNS, columns_for(cloud)) // MULTIPLE * MULTIPLE
     grid = RayGrid(sensor, columns)
     before = [(of_rings(then, kept), T_now_then) for then, T_now_then in past]
-    scan = SparseScan(of_rings(cloud, kept), sensor, kept, lambda: image, frame.calibration, columns, before)
+    scan = SparseScan(of_rings(cloud, kept), sensor, kept, lambda: image, frame.calibration, columns, lambda: before)
     return _tensors(lift_input(scan, grid), _truth(of_rings(cloud, asked), grid), mirrored)
 
 

@@ -114,7 +114,9 @@ def train(
         )
     if model == LIFT:
         if poses or pack:
-            raise InputError(f"{LIFT} needs neither --poses nor --pack: it learns from single scans, read as they come")
+            raise InputError(
+                f"{LIFT} needs neither --poses nor --pack: it learns from scans as they are recorded; leave these out"
+            )
         task, count = _lift_task(datasets, validate or [], self_supervised)
     else:
         packs = _packs(datasets, poses or [], pack or out / "train.npz", scale)

@@ -129,17 +129,15 @@ def lowered(dense: PointCloud, by: float) -> tuple[PointCloud, Array]:
 def test_the_past_is_told_where_it_is_on_a_ray(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     """A post that the rings missed now was seen before: the segment behind it is wrong, the past right."""
     scan, T_now_then = sparse(), np.eye(4)
-    lines = RayGrid(grid.sensor)
     row, column = np.repeat(np.arange(64), 3), np.tile([1000, 1001, 1002], 64)
-    post = lines.points(np.full(192, 9.0) / np.cos(grid.sensor.elevation[row]), row, column)
+    post = grid.points(np.full(192, 9.0) / np.cos(grid.sensor.elevation[row]), row, column)
     saw = PointCloud(post, np.zeros(192), ring=row)
-    given = lift_input(replace(scan, past=[(saw, T_now_then)]), grid)
-    asked = np.isin(given.rows, np.arange(64))
-    segment, past = candidate(given, "segment")[asked][:, 1001], candidate(given, "past")[asked][:, 1001]
+    given = lift_input(replace(scan, read_past=lambda: [(saw, T_now_then)]), grid)
+    segment, past = candidate(given, "segment")[:, 1001], candidate(given, "past")[:, 1001]
     near = (segment > 8) & (segment < 11)
     assert near.sum() > 3
     np.testing.assert_allclose(past[near], 9.0, rtol=1e-3)
-    found = segment[near] * np.exp(channel(given, "past")[asked][:, 1001][near])
+    found = segment[near] * np.exp(channel(given, "past")[:, 1001][near])
     np.testing.assert_allclose(found, 9.0, rtol=1e-3)
     assert not candidate(given, "past")[:, :900].any()
 
@@ -147,7 +145,8 @@ def test_the_past_is_told_where_it_is_on_a_ray(sparse: Callable[..., SparseScan]
 def test_where_nothing_changed_the_past_agrees_with_the_segments(
     sparse: Callable[..., SparseScan], dense: PointCloud, grid: RayGrid
 ) -> None:
-    given = lift_input(replace(sparse(), past=[lowered(sparse().cloud, 0.0), lowered(dense, 0.05)]), grid)
+    before = [lowered(sparse().cloud, 0.0), lowered(dense, 0.05)]
+    given = lift_input(replace(sparse(), read_past=lambda: before), grid)
     past, segment = candidate(given, "past"), candidate(given, "segment")
     known = (past > 0) & (np.abs(grid.azimuth) > 2) & (segment < 20)
     assert known.sum() > 1000
@@ -156,7 +155,7 @@ def test_where_nothing_changed_the_past_agrees_with_the_segments(
 
 def test_rings_left_out_are_left_out_of_the_past(dense: PointCloud, grid: RayGrid) -> None:
     rings = np.arange(64)
-    whole = SparseScan(dense, grid.sensor, rings, past=[(dense, np.eye(4))])
+    whole = SparseScan(dense, grid.sensor, rings, read_past=lambda: [(dense, np.eye(4))])
     (then, _), *_ = whole.without(rings[rings % 4 != 0]).past
     assert then.ring is not None
     assert (then.ring % 4 == 0).all()
