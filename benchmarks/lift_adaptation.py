@@ -17,10 +17,10 @@ from typing import Any
 from depth_methods import HEADER, VIEWS, rows
 from lift_weights import lift_of
 from report import surroundings, table, write_section
-from train_networks import lidarlift
+from train_networks import learn, lidarlift
 
 from enrichment.ray_segment import RaySegment
-from enrichment.training.checkpoint import CHECKPOINT
+from enrichment.sparse_scan import Method
 from eval.evaluation import write_json
 from slam.cli.depth_benchmark import report_of_drive
 from slam.data.dataset import open_dataset
@@ -46,9 +46,8 @@ def main() -> None:
 def measured(folder: Path, lidar: str) -> dict[str, Any]:
     learned, judged = (tunnel(folder, lidar, seed) for seed in (LEARNED, JUDGED))
     adapted = folder / "adapted"
-    resumed = ("--resume",) if (adapted / CHECKPOINT).exists() else ()
-    lidarlift("train", "lift", learned, "--self-supervised", "--steps", STEPS, "--bf16", "--out", adapted, *resumed)
-    methods = {"ray-segment": RaySegment(), "lift": lift_of(), "lift, adapted": lift_of(adapted)}
+    learn("lift", [learned], adapted, "--self-supervised", "--steps", STEPS, "--bf16")
+    methods: dict[str, Method] = {"ray-segment": RaySegment(), "lift": lift_of(), "lift, adapted": lift_of(adapted)}
     return report_of_drive(open_dataset(judged), methods, slice(None, None, EVERY))
 
 

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 from report import number, surroundings, table, write_section
-from train_networks import HALF, lidarlift
+from train_networks import HALF, learn
 
-from enrichment.training.checkpoint import BEST, CHECKPOINT, read_checkpoint
+from enrichment.training.checkpoint import BEST, read_checkpoint
 from eval.evaluation import write_json
 
 HERE = Path(__file__).parent
@@ -45,10 +45,9 @@ def main() -> None:
 def trained(folder: Path, model: str, seed: int) -> dict[str, float]:
     """MAE and RMSE [m] on the validation's frames after STEPS steps."""
     out = folder / "seeds" / f"{model}-{seed}"
-    resume = ("--resume",) if (out / CHECKPOINT).exists() else ()
-    lidarlift(
-        "train", model, *(folder / name for name in PACKS), "--validate", folder / VALIDATION, "--out", out,
-        "--scale", HALF.scale, *HALF.options, "--steps", STEPS, "--seed", seed, *resume,
+    learn(
+        model, (folder / name for name in PACKS), out, "--validate", folder / VALIDATION,
+        "--scale", HALF.scale, *HALF.options, "--steps", STEPS, "--seed", seed,
     )  # fmt: skip
     best = read_checkpoint(out / BEST).best
     assert best is not None

@@ -16,9 +16,7 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from train_networks import RAW, SINGLE, TOWN_FRAMES, TOWNS, VALIDATION, lidarlift
-
-from enrichment.training.checkpoint import CHECKPOINT
+from train_networks import RAW, SINGLE, TOWN_FRAMES, TOWNS, VALIDATION, learn, lidarlift
 
 RAW_DRIVES = "0005", "0013"
 STAGES = (16000, 3e-3), (4000, 1e-3)  # steps and highest learning rate
@@ -41,23 +39,19 @@ def main() -> None:
         if arguments.only in (None, name):
             in_stages(out / name, drives)
     for seed in SEEDS:
-        for name, drives in ((f"seed-{seed}", trainings["lift"]), (f"seed-{seed}-blind", None)):
+        for name, blind in ((f"seed-{seed}", False), (f"seed-{seed}-blind", True)):
             if arguments.only in (None, name):
-                drives = drives or [without_images(path, out / "blind") for path in trainings["lift"]]
-                train(out / name, drives, "--steps", SEED_STEPS, "--seed", seed)
+                seen = trainings["lift"]
+                drives = [without_images(path, out / "blind") for path in seen] if blind else seen
+                learn("lift", drives, out / name, *OPTIONS, "--steps", SEED_STEPS, "--seed", seed)
 
 
 def in_stages(out: Path, drives: Sequence[Path]) -> None:
     """The last one in `out` itself."""
     (steps, rate), (last_steps, last_rate) = STAGES
-    train(out / "first", drives, "--steps", steps, "--rate", rate)
+    learn("lift", drives, out / "first", *OPTIONS, "--steps", steps, "--rate", rate)
     start = out / "first" / "lift.safetensors"
-    train(out, drives, "--steps", last_steps, "--rate", last_rate, start=("--start", start))
-
-
-def train(out: Path, drives: Sequence[Path], *options: object, start: Sequence[object] = ()) -> None:
-    resumed = (out / CHECKPOINT).exists()
-    lidarlift("train", "lift", *drives, "--out", out, *OPTIONS, *options, *(("--resume",) if resumed else start))
+    learn("lift", drives, out, *OPTIONS, "--steps", last_steps, "--rate", last_rate, start=("--start", start))
 
 
 def town(out: Path, drive: str, seed: int) -> Path:

@@ -19,10 +19,11 @@ import argparse
 import shlex
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from enrichment.training.checkpoint import CHECKPOINT
 from enrichment.training.pack import Pack, packed
 from enrichment.training.samples import Source, source
 from slam.data.dataset import open_dataset
@@ -91,11 +92,9 @@ def train(model: str, training: Sequence[Path], validation: Path, out: Path, siz
     start: tuple[object, ...] = ()
     for stage, (steps, rate) in zip(STAGES, size.stages[model], strict=True):
         folder = out / stage / model
-        resumed = (folder / "checkpoint.safetensors").exists()
-        lidarlift(
-            "train", model, *training, "--validate", validation, "--out", folder, "--scale", size.scale, *size.options,
-            "--steps", steps, "--rate", rate, *(("--absolute", ABSOLUTE) if start else ()),
-            *(("--resume",) if resumed else start),
+        learn(
+            model, training, folder, "--validate", validation, "--scale", size.scale, *size.options,
+            "--steps", steps, "--rate", rate, *(("--absolute", ABSOLUTE) if start else ()), start=start,
         )  # fmt: skip
         start = "--start", folder / f"{model}.safetensors"
 
@@ -136,6 +135,12 @@ def pack(path: Path, drives: Sequence[Source]) -> Path:
     found: Pack = packed(path, drives)
     print(f"{path}: {len(found)} frames of {', '.join(names)}, {path.stat().st_size / 1e6:.1f} MB", flush=True)
     return path
+
+
+def learn(model: str, data: Iterable[Path], out: Path, *options: object, start: Sequence[object] = ()) -> None:
+    """`lidarlift train`, from where it was broken off, else with the options of `start`."""
+    resumed = (out / CHECKPOINT).exists()
+    lidarlift("train", model, *data, "--out", out, *options, *(("--resume",) if resumed else start))
 
 
 def lidarlift(*words: object) -> None:
