@@ -17,10 +17,10 @@ from typing import Any
 
 from report import number, surroundings, table, write_section
 
-from enrichment.methods import LIFT, NETWORK_METHODS, make_methods, runnable
-from eval.depth_tables import PAPER
+from enrichment.methods.registry import LIFT, NETWORK_METHODS, make_methods, runnable
+from eval.depth.tables import PAPER
 from eval.evaluation import write_json
-from slam.cli.depth_benchmark import report_of_drive
+from lidarlift.cli.depth_benchmark import report_of_drive
 from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 

@@ -22,7 +22,7 @@ from report import number, surroundings, table, target, write_section
 from tracks import CACHE, TOWNS, Runner, apart, geometric_mean, rmse, simulated
 
 from eval.evaluation import write_json
-from slam.cli.front_ends import front_end_for
+from lidarlift.front_ends import front_end_for
 from slam.config import load_config
 from slam.data.cloud import Frame, PointCloud
 from slam.data.dataset import Dataset, open_dataset

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from tracks import simulated
 
-from slam.cli.front_ends import front_end_for
+from lidarlift.front_ends import front_end_for
 from slam.config import load_config
 
 FRAME, REACH = 100, (32, 16)  # m ahead and behind, to either side

@@ -9,8 +9,8 @@ import open3d as o3d
 from tracks import simulated
 
 from enrichment.enricher import Enricher
-from enrichment.held_out import PAST, past_of
-from enrichment.sparse_scan import Method, of_rings
+from enrichment.geometry.held_out import PAST, past_of
+from enrichment.geometry.sparse_scan import Method, of_rings
 from slam.config import load_config
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.sensor import load_sensor

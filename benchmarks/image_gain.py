@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from enrichment.held_out import HeldOut, hold_out, past_of
-from enrichment.rays import Prediction, RayGrid
-from enrichment.sparse_scan import Method, SparseScan
-from eval.depth import Answers
+from enrichment.geometry.held_out import HeldOut, hold_out, past_of
+from enrichment.geometry.rays import Prediction, RayGrid
+from enrichment.geometry.sparse_scan import Method, SparseScan
+from eval.depth.metrics import Answers
 from slam.data.cloud import Array
 from slam.data.dataset import Dataset
 from slam.data.sensor import Sensor

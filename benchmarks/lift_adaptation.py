@@ -19,10 +19,10 @@ from lift_weights import lift_of
 from report import surroundings, table, write_section
 from train_networks import learn, lidarlift
 
-from enrichment.ray_segment import RaySegment
-from enrichment.sparse_scan import Method
+from enrichment.geometry.sparse_scan import Method
+from enrichment.interpolation.ray_segment import RaySegment
 from eval.evaluation import write_json
-from slam.cli.depth_benchmark import report_of_drive
+from lidarlift.cli.depth_benchmark import report_of_drive
 from slam.data.dataset import open_dataset
 
 HERE = Path(__file__).parent

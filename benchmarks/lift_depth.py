@@ -26,11 +26,11 @@ from lift_time import WITH, WITHOUT, timed
 from lift_weights import held_out, lift_for, lift_of
 from report import surroundings, write_section
 
-from enrichment.methods import LIFT, make_methods
-from enrichment.rays import Prediction, RayGrid
-from enrichment.sparse_scan import Method, SparseScan
+from enrichment.geometry.rays import Prediction, RayGrid
+from enrichment.geometry.sparse_scan import Method, SparseScan
+from enrichment.methods.registry import LIFT, make_methods
 from eval.evaluation import write_json
-from slam.cli.depth_benchmark import report_of_drive
+from lidarlift.cli.depth_benchmark import report_of_drive
 from slam.data.dataset import Dataset, open_dataset
 from slam.data.errors import InputError
 

@@ -12,8 +12,8 @@ from image_gain import JUMP, JUMP_SHARE, JUMPS, ROAD
 from lift_time import BOTH, NETWORK, REPEATS, SCANS, WITH, WITHOUT
 from report import number, table, target
 
-from enrichment.held_out import PAST
-from enrichment.methods import LIFT
+from enrichment.geometry.held_out import PAST
+from enrichment.methods.registry import LIFT
 
 CLASSICAL, SINGLE = ("ray-segment", "joint"), "lift, single scans"
 #: What was aimed at, the figure, how it has to be to the limit, and how many decimals are shown.

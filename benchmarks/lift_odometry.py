@@ -24,8 +24,8 @@ from recipes import SIXTEEN
 from report import number, surroundings, table, target, write_section
 from tracks import CACHE, TOWNS, Runner, apart, front_ends, geometric_mean, rmse, simulated
 
-from enrichment.methods import LIFT
-from enrichment.ray_segment import RaySegment
+from enrichment.interpolation.ray_segment import RaySegment
+from enrichment.methods.registry import LIFT
 from eval.evaluation import write_json
 from slam.data.dataset import Dataset, open_dataset
 from slam.data.errors import InputError

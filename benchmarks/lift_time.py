@@ -8,10 +8,10 @@ from time import perf_counter
 
 import numpy as np
 
-from enrichment.held_out import PAST, hold_out, past_of
-from enrichment.lift_input import lift_input
-from enrichment.rays import RayGrid
-from enrichment.sparse_scan import Method, SparseScan
+from enrichment.geometry.held_out import PAST, hold_out, past_of
+from enrichment.geometry.rays import RayGrid
+from enrichment.geometry.sparse_scan import Method, SparseScan
+from enrichment.lift.features import lift_input
 from slam.data.cloud import Array
 from slam.data.dataset import Dataset
 

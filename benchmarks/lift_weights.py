@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from enrichment.lift_method import LiftMethod
-from enrichment.methods import LIFT
-from enrichment.network_method import WEIGHTS
+from enrichment.methods.lift import LiftMethod
+from enrichment.methods.onnx_network import WEIGHTS
+from enrichment.methods.registry import LIFT
 from slam.data.errors import InputError
 
 SEEN = ("0005", "0013")  # the shipped weights were trained on these

@@ -23,7 +23,7 @@ from revisits import WRONG, as_recorded, draw_detection, drifting, loop_figures,
 
 from eval.evaluation import evaluate, write_json
 from eval.trajectory import distances
-from slam.cli.front_ends import front_end_for
+from lidarlift.front_ends import front_end_for
 from slam.config import load_config
 from slam.data import se3
 from slam.data.dataset import Dataset, open_dataset

@@ -16,7 +16,7 @@ from typing import Any
 from report import number, surroundings, table, write_section
 from tracks import Runner, apart, front_ends
 
-from enrichment.methods import make_methods, runnable
+from enrichment.methods.registry import make_methods, runnable
 from eval.evaluation import evaluate, write_json
 from eval.trajectory import STATISTICS
 from slam.data.dataset import Dataset, open_dataset

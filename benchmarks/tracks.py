@@ -12,7 +12,7 @@ from time import perf_counter
 import numpy as np
 
 from enrichment.enricher import Enricher
-from enrichment.sparse_scan import Method
+from enrichment.geometry.sparse_scan import Method
 from eval.evaluation import evaluate
 from slam.config import load_config
 from slam.data import se3

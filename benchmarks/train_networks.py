@@ -147,7 +147,7 @@ def lidarlift(*words: object) -> None:
     """The command, in a process of its own; its failure ends this one."""
     arguments = [str(word) for word in words]
     print(f"lidarlift {shlex.join(arguments)}", flush=True)
-    done = subprocess.run([sys.executable, "-m", "slam.cli", *arguments], check=False)
+    done = subprocess.run([sys.executable, "-m", "lidarlift", *arguments], check=False)
     if done.returncode:
         sys.exit(done.returncode)
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from enrichment.rays import Prediction, RayGrid
-from enrichment.sparse_scan import Method, SparseScan
+from enrichment.geometry.rays import Prediction, RayGrid
+from enrichment.geometry.sparse_scan import Method, SparseScan
 from slam.data.cloud import Array
 
 EVERY = 5  # scans between two looks

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from enrichment import kernels
 from enrichment.calibration import Calibrated
-from enrichment.rays import Prediction, RayGrid, columns_for
-from enrichment.sparse_scan import Method, SparseScan, heights
+from enrichment.geometry import kernels
+from enrichment.geometry.rays import Prediction, RayGrid, columns_for
+from enrichment.geometry.sparse_scan import Method, SparseScan, heights
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.sensor import Sensor
 

@@ -1,4 +1,4 @@
-"""Real data for the tests: never in the repository, unpacked once into the user's cache, skipped where it is absent."""
+"""What tests share: real data, unpacked once into the user's cache, and a short drive down a street of planes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,21 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import settings
+
+from slam.data import se3
+from slam.data.cloud import Array
+from slam.data.sensor import load_sensor
 
 # No test fails by the clock: on a busy machine, or where a kernel is compiled on its first call, examples take longer.
 settings.register_profile("unhurried", deadline=None)
 settings.load_profile("unhurried")
 
 DEFAULT_ARCHIVES = Path(__file__).resolve().parents[1] / ".." / "shared" / "data"
+FRAMES, SPEED, HEADING, COLUMNS = 8, 1.4, 0.01, 600  # m and rad a frame
+TR = np.array([[0, -1, 0, 0.1], [0, 0, -1, 0.2], [1, 0, 0, 0.3], [0, 0, 0, 1.0]])
 
 
 @pytest.fixture(scope="session")
@@ -48,3 +55,78 @@ def real_data(archives: Path) -> Callable[[str], Path]:
         return cache / name
 
     return unpacked
+
+
+def _street() -> list[tuple[int, float, Array, Array]]:
+    """Rectangles: the axis that they stand across, where, and their lowest and highest corner."""
+    rng, far = np.random.default_rng(7), np.array([60.0, 30.0, 12.0])
+    faces = [(2, -1.7, -far, far), (0, -30.0, -far, far), (0, 50.0, -far, far)]
+    for side in (-1, 1):
+        faces.append((1, side * 14.0, -far, far))  # behind all: no beam sees the sky
+        x = -30.0
+        while x < 50:
+            end, y = x + rng.uniform(4, 9), side * rng.uniform(7, 12)
+            low, high = np.array([x, min(y, 14 * side), -2.0]), np.array([end, max(y, 14 * side), 12.0])
+            faces += [(1, y, low, high), (0, x, low, high), (0, end, low, high)]
+            x = end + rng.uniform(1, 3)
+    return faces
+
+
+def _scan(pose: Array, seed: int) -> Array:
+    """(N, 4) float32, ring after ring, top first, counter-clockwise from ahead, with 1 cm noise along the beams."""
+    sensor, rng = load_sensor("hdl64"), np.random.default_rng(seed)
+    azimuth = (np.arange(COLUMNS) + 0.5) / COLUMNS * 2 * np.pi
+    elevation, azimuth = np.repeat(sensor.elevation, COLUMNS), np.tile(azimuth, len(sensor.elevation))
+    beam = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.tan(elevation)])
+    start = np.zeros_like(beam)
+    start[:, 2] = np.repeat(sensor.offset, COLUMNS)
+    origin, direction = start @ pose[:3, :3].T + pose[:3, 3], beam @ pose[:3, :3].T
+    reach = np.full(len(beam), np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for axis, at, low, high in _street():
+            t = (at - origin[:, axis]) / direction[:, axis]
+            hit = origin + t[:, None] * direction
+            others = [other for other in range(3) if other != axis]
+            inside = ((low <= hit) & (hit <= high))[:, others].all(axis=1) & (t > 0)
+            reach = np.where(inside, np.minimum(reach, t), reach)
+    assert np.isfinite(reach).all()
+    xyz = start + (reach + rng.normal(0, 0.01, len(reach)))[:, None] * beam
+    return np.column_stack([xyz, rng.random(len(xyz))]).astype(np.float32)
+
+
+@pytest.fixture(scope="session")
+def street_poses() -> Array:
+    """True T_world_lidar (N, 4, 4) of the street drive."""
+    step, poses = se3.exp(np.array([0, 0, HEADING, SPEED, 0, 0])), [np.eye(4)]
+    for _ in range(FRAMES - 1):
+        poses.append(poses[-1] @ step)
+    return np.array(poses)
+
+
+@pytest.fixture(scope="session")
+def street_scans(street_poses: Array) -> list[Array]:
+    """Its scans, (N, 4) float32 as in a .bin."""
+    return [_scan(pose, seed) for seed, pose in enumerate(street_poses)]
+
+
+@pytest.fixture
+def street_drive(tmp_path: Path, street_poses: Array, street_scans: list[Array]) -> Callable[..., Path]:
+    """`street_drive({3: scan})` writes the drive with scan 3 replaced (an array or bytes) and returns its sequence."""
+
+    def write(instead: dict[int, Array | bytes] | None = None) -> Path:
+        folder = tmp_path / "kitti" / "sequences" / "77"
+        (folder / "velodyne").mkdir(parents=True)
+        for number, scan in enumerate(street_scans):
+            content = (instead or {}).get(number, scan)
+            data = content if isinstance(content, bytes) else content.astype(np.float32).tobytes()
+            (folder / "velodyne" / f"{number:06d}.bin").write_bytes(data)
+        (folder / "sensor.yaml").write_text("model: hdl64\nmotion_compensated: true\n")
+        row = " ".join(str(value) for value in TR[:3].ravel())
+        (folder / "calib.txt").write_text(f"P2: 700 0 600 0 0 700 180 0 0 0 1 0\nTr: {row}\n")
+        (folder / "times.txt").write_text("".join(f"{0.1 * number:e}\n" for number in range(FRAMES)))
+        poses = (TR @ street_poses @ se3.inverse(TR))[:, :3].reshape(-1, 12)
+        (tmp_path / "kitti" / "poses").mkdir()
+        np.savetxt(tmp_path / "kitti" / "poses" / "77.txt", poses)
+        return folder
+
+    return write

@@ -1,1 +1,1 @@
-"""The paper's networks in PyTorch. Training imports them; running them needs ONNX Runtime alone (network_method)."""
+"""The paper's networks in PyTorch. Training imports them; running them needs ONNX Runtime alone."""

@@ -12,9 +12,9 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from enrichment.networks import lift
+from enrichment.lift import network as lift
+from enrichment.lift.network import Lift
 from enrichment.networks.depth_network import DepthNetwork
-from enrichment.networks.lift import Lift
 from slam.data.atomic import written_beside
 from slam.data.errors import InputError
 

@@ -11,11 +11,11 @@ import torch
 from torch import Tensor
 from torch.utils.data import Dataset as Examples
 
-from enrichment.held_out import PAST, past_of, ring_step
-from enrichment.lift_input import RAY_CHANNELS, LiftInput, lift_input
-from enrichment.networks.lift import MULTIPLE
-from enrichment.rays import COLUMNS, RayGrid, columns_for
-from enrichment.sparse_scan import Past, SparseScan, of_rings
+from enrichment.geometry.held_out import PAST, past_of, ring_step
+from enrichment.geometry.rays import COLUMNS, RayGrid, columns_for
+from enrichment.geometry.sparse_scan import Past, SparseScan, of_rings
+from enrichment.lift.features import RAY_CHANNELS, LiftInput, lift_input
+from enrichment.lift.network import MULTIPLE
 from enrichment.training.drawing import COARSER, FINER, in_other_light, in_turn
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud

@@ -10,9 +10,9 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from enrichment.lift.loss import lift_loss
+from enrichment.lift.network import Lift
 from enrichment.networks.export import export_lift
-from enrichment.networks.lift import Lift
-from enrichment.networks.lift_loss import lift_loss
 from enrichment.training.checkpoint import Figures
 from enrichment.training.lift_examples import DrawnScans, LiftExample, WholeScans
 from enrichment.training.model_card import lift_card

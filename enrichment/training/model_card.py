@@ -43,7 +43,7 @@ Step {step} of {steps}, {batch} crops of {height}x{width} a step, AdamW, learnin
 LIFT = """# lift
 
 Ranges, with their uncertainty, on rays between the rings of a LiDAR, over all 360 degrees: the network `lift` of
-lidarlift, {parameters:,} parameters. Input and output: `enrichment.lift_input` and `enrichment.networks.lift`.
+lidarlift, {parameters:,} parameters. Input and output: `enrichment.lift.features` and `enrichment.lift.network`.
 
 ## Data
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from enrichment.image_rays import nearest_pixel, within
+from enrichment.geometry.image_rays import nearest_pixel, within
 from enrichment.training.pooling import cells_of, in_front, pooled
 from slam.data import se3
 from slam.data.camera import project

@@ -17,7 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from enrichment.held_out import ring_step
+from enrichment.geometry.held_out import ring_step
 from enrichment.training.licence import licence_of
 from enrichment.training.samples import RETURN, STEPS, Sample, Source
 from slam.data.atomic import written_beside

@@ -14,8 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from enrichment.held_out import ring_step
-from enrichment.image_rays import nearest_pixel, within
+from enrichment.geometry.held_out import ring_step
+from enrichment.geometry.image_rays import nearest_pixel, within
 from enrichment.training import targets
 from enrichment.training.neighbours import Neighbours
 from enrichment.training.pooling import cells_of, nearest

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from enrichment.rays import RayGrid
-from enrichment.sparse_scan import SparseScan
+from enrichment.geometry.rays import RayGrid
+from enrichment.geometry.sparse_scan import SparseScan
 from slam.data.cloud import Array, PointCloud
 from slam.data.sensor import Sensor, load_sensor
 

@@ -9,9 +9,9 @@ import pytest
 
 from enrichment.calibration import SINGLE_GAP, Calibrated, relative_errors
 from enrichment.enricher import Enricher, denser
-from enrichment.ray_segment import RaySegment
-from enrichment.rays import Prediction, RayGrid
-from enrichment.sparse_scan import SparseScan
+from enrichment.geometry.rays import Prediction, RayGrid
+from enrichment.geometry.sparse_scan import SparseScan
+from enrichment.interpolation.ray_segment import RaySegment
 from slam.data.cloud import Frame, PointCloud
 from slam.data.sensor import load_sensor
 

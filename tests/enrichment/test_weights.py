@@ -7,9 +7,9 @@ import onnxruntime
 import pytest
 import torch
 
-from enrichment.methods import LIFT, NETWORK_METHODS, runnable
-from enrichment.network_method import WEIGHTS
-from enrichment.networks import lift
+from enrichment.lift import network as lift
+from enrichment.methods.onnx_network import WEIGHTS
+from enrichment.methods.registry import LIFT, NETWORK_METHODS, runnable
 from enrichment.networks.export import load_weights
 from enrichment.networks.registry import NETWORKS
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from enrichment.image_rays import see
-from enrichment.network_method import coarser
-from enrichment.sparse_scan import SparseScan
+from enrichment.geometry.image_rays import see
+from enrichment.geometry.sparse_scan import SparseScan
+from enrichment.methods.onnx_network import coarser
 from enrichment.training.drawing import Drawn, Example, Whole, Window, drawn, require_crop, sparse
 from enrichment.training.pack import Pack
 from enrichment.training.samples import STEPS

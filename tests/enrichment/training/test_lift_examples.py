@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-from enrichment.held_out import past_of
-from enrichment.lift_input import CANDIDATES
-from enrichment.networks.lift import Lift
+from enrichment.geometry.held_out import past_of
+from enrichment.lift.features import CANDIDATES
+from enrichment.lift.network import Lift
 from enrichment.training.lift_examples import BLURRED, CROP, DrawnScans, WholeScans, drawn_rings, example, part_of
 from enrichment.training.lift_task import LiftTask
 from enrichment.training.plan import Plan

@@ -1,0 +1,116 @@
+"""What Lift is given: the measured rings, and for each ray between two of them the ranges that it may have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from enrichment.geometry import kernels
+from enrichment.geometry.rays import RayGrid
+from enrichment.geometry.sparse_scan import SparseScan, heights
+from enrichment.interpolation.depth_completion import morphed
+from enrichment.interpolation.ray_segment import LIMIT, SLACK, SLACK_SHARE, WINDOW, sigma_of
+from enrichment.lift import kernels as lift_kernels
+from slam.data.cloud import Array, Calibration
+
+RING_CHANNELS = ("known", "range", "height", "gap above", "gap below", "seen", "red", "green", "blue")
+#: Ranges that a ray may have, all on the ray. The edge and the guess need the image, the past needs scans before.
+CANDIDATES = ("segment", "above", "below", "from above", "from below", "edge", "past", "guess")
+RAY_CHANNELS = (
+    "known", "share", "range", *CANDIDATES[1:6], "length", "slope", "turn", "beside", "sigma", "gap",
+    "seen", "change above", "change below", "colour above", "colour below",
+    "past", "past, nearest", "past, furthest", "past returns", "guess", "spread of guesses",
+)  # fmt: skip
+DENSE = 0.5  # cells a pixel of the depth image that is filled in
+BLUR = 2.0  # pixels, standard deviation: texture is no edge
+
+
+@dataclass(frozen=True, eq=False)
+class LiftInput:
+    """Of K rings, W columns and the Q rows of a grid that lie between two rings.
+
+    rings       (RING_CHANNELS, K, W) float32
+    upper       (Q,) int64: the ring above each row; the next one is below it
+    rays        (RAY_CHANNELS, Q, W) float32; all 0 where a return above or below is missing
+    candidates  (CANDIDATES, Q, W) float32, metres along the ray's rho; 0 where there is none
+    rows        (Q,) int64: which rows of the grid these are
+    """
+
+    rings: Array
+    upper: Array
+    rays: Array
+    candidates: Array
+    rows: Array
+
+
+def lift_input(scan: SparseScan, grid: RayGrid) -> LiftInput:
+    """Nothing but the scan's own returns, the lines of the grid and the image enter: no answer can leak."""
+    sensor = grid.sensor
+    upper = scan.rows_above(sensor)
+    rows = np.flatnonzero(upper >= 0)
+    upper, tangent, offset = upper[rows], np.tan(sensor.elevation[rows]), sensor.offset[rows]
+    rho, z, length, slope, turn = kernels.segments(scan.cloud.xyz, scan.points)
+    beside = kernels.sticking_out(rho, length, WINDOW, SLACK, SLACK_SHARE, LIMIT)
+    sigma = sigma_of(length, slope, turn, beside)
+    lines, own = heights(sensor)[rows], heights(scan.lines)[scan.rings]
+    gap = own[:-1] - own[1:]
+    share = (own[upper] - lines) / gap[upper]
+    rays, candidates = lift_kernels.between_rings(
+        rho, z, length, slope, turn, beside, sigma, upper, tangent, offset, share, gap, len(RAY_CHANNELS)
+    )
+    rings = np.zeros((len(RING_CHANNELS), *rho.shape), np.float32)
+    rings[0] = scan.points >= 0
+    rings[1] = np.log(np.maximum(rho, 0.1) / 10) * rings[0]
+    rings[2] = z / 3 * rings[0]
+    rings[3, 1:], rings[4, :-1] = gap[:, None], gap[:, None]
+    beams = _Beams(upper, tangent, offset)
+    if scan.image is not None and scan.calibration is not None:
+        _look_at_image(scan, grid, beams, rho, rings, rays, candidates)
+    _look_back(scan, beams, rho, z, gap, rays, candidates)
+    return LiftInput(rings, upper, rays, candidates, rows)
+
+
+class _Beams(NamedTuple):
+    """The lines of Q rows (Q,): z = tangent * rho + offset, below the ring `upper`."""
+
+    upper: Array
+    tangent: Array
+    offset: Array
+
+
+def _look_at_image(
+    scan: SparseScan, grid: RayGrid, beams: _Beams, rho: Array, rings: Array, rays: Array, candidates: Array
+) -> None:
+    """Adds what the image tells, to the rings too."""
+    assert scan.image is not None
+    assert scan.calibration is not None
+    image = cv2.GaussianBlur(_pinhole(scan.image, scan.calibration), (0, 0), BLUR)
+    camera = scan.calibration.K @ scan.calibration.T_camera_lidar[:3]
+    pixels = lift_kernels.colours_of_rings(scan.cloud.xyz, scan.points, camera, image, rings[5:])
+    rest = *beams, np.cos(grid.azimuth), np.sin(grid.azimuth), camera, image
+    lift_kernels.along_image(rays, candidates, pixels, *rest)
+    sparse = np.zeros([round(DENSE * size) for size in image.shape[:2]], np.float32)
+    lift_kernels.depths_seen(scan.cloud.xyz, scan.points, pixels, camera, DENSE, sparse)
+    lift_kernels.guess(rays, candidates, pixels, *rest, rho, morphed(sparse, DENSE), DENSE, RAY_CHANNELS.index("guess"))
+
+
+def _look_back(
+    scan: SparseScan, beams: _Beams, rho: Array, z: Array, gap: Array, rays: Array, candidates: Array
+) -> None:
+    """Adds what scans before saw on the rays."""
+    first, candidate = RAY_CHANNELS.index("past"), CANDIDATES.index("past")
+    best = np.full(rays.shape[1:], np.inf, np.float32)
+    for age, (then, T_now_then) in enumerate(reversed(scan.past), start=1):
+        pose = np.ascontiguousarray(T_now_then, np.float64)
+        lift_kernels.of_the_past(rays, candidates, best, then.xyz, pose, age, rho, z, *beams, gap, first, candidate)
+    np.log1p(rays[first + 3], out=rays[first + 3])
+
+
+def _pinhole(image: Array, calibration: Calibration) -> Array:
+    """The image without its lens's distortion."""
+    if not any(calibration.distortion):
+        return image
+    return np.asarray(cv2.undistort(image, calibration.K, np.array(calibration.distortion)))

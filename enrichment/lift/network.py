@@ -1,0 +1,132 @@
+"""Lift: ranges and their uncertainty on rays between the rings of a LiDAR, over all 360 degrees."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+RINGS, RAYS, CANDIDATES = 9, 25, 8  # channels of enrichment.lift.features
+SIGMA = 12  # channel of a ray: the logarithm of 1 m + ray-segment's own sigma
+WIDTHS = 32, 32, 48, 64  # channels at 1, 1/2, 1/4 and 1/8 of the columns
+HIDDEN = 48  # channels of a ray
+ASIDE = 2  # columns to each side of a ray that are looked at once more
+AROUND = 88  # columns that are repeated beyond the seam: no fewer than the U-Net looks far, and inside 8
+RESIDUAL = 0.05  # of the range, at most
+NEAR_SEGMENT = 2.0  # logit of ray-segment's weight, where learning starts
+MULTIPLE = 8  # the number of columns has to be inside
+LEAST_SCALE = 0.01  # m
+
+
+class Answer(NamedTuple):
+    """(B, Q, W) each.
+
+    ranges  metres along rho
+    scale   metres, of a Laplace distribution around it
+    valid   logit: is there a return?
+    logits  (B, CANDIDATES, Q, W): of the weights of the candidates
+    """
+
+    ranges: Tensor
+    scale: Tensor
+    valid: Tensor
+    logits: Tensor
+
+
+class Lift(nn.Module):
+    """A U-Net over the range image of the rings, and a small network for each ray between two of them.
+
+    A ray's range is a mean of its candidates, weighed by what the network makes of the rings around, the ray's own
+    features and those of the rays beside it, times a factor of 1 +- RESIDUAL. So it lies where some surface may be.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        full, half, quarter, eighth = WIDTHS
+        self.stem = _Convolution(RINGS, full)
+        self.to_half = nn.Sequential(_Convolution(full, half, stride=2), _Block(half))
+        self.to_quarter = nn.Sequential(_Convolution(half, quarter, stride=2), _Block(quarter), _Block(quarter, 2))
+        self.to_eighth = nn.Sequential(_Convolution(quarter, eighth, stride=2), _Block(eighth), _Block(eighth, 2))
+        self.up_quarter, self.up_half, self.up_full = _Up(eighth, quarter), _Up(quarter, half), _Up(half, full)
+        self.from_above, self.from_below = nn.Conv2d(full, HIDDEN, 1, bias=False), nn.Conv2d(full, HIDDEN, 1)
+        self.from_ray = nn.Conv2d(RAYS, HIDDEN, 1, bias=False)
+        self.beside = nn.Conv2d(HIDDEN, HIDDEN, (1, 2 * ASIDE + 1), groups=HIDDEN)
+        self.mix, self.last = nn.Conv2d(HIDDEN, HIDDEN, 1), nn.Conv2d(HIDDEN, CANDIDATES + 3, 1)
+        with torch.no_grad():
+            self.beside.weight[..., ASIDE] += 1.0
+            self.last.weight.mul_(0.1)
+            assert self.last.bias is not None
+            self.last.bias.copy_(torch.eye(CANDIDATES + 3)[0] * NEAR_SEGMENT)
+
+    def forward(self, rings: Tensor, upper: Tensor, rays: Tensor, candidates: Tensor) -> Answer:
+        """rings (B, RINGS, K, W), upper (Q,), rays (B, RAYS, Q, W), candidates (B, CANDIDATES, Q, W); W inside 8, and
+        AROUND or more."""
+        features = self._features(_around(rings, AROUND))[..., AROUND - ASIDE : ASIDE - AROUND]
+        between = self.from_above(features[:, :, :-1]) + self.from_below(features[:, :, 1:])
+        x = functional.relu(between.index_select(2, upper) + self.from_ray(_around(rays, ASIDE)))
+        x = functional.relu(self.mix(functional.relu(self.beside(x))))
+        return self._answer(self.last(x).float(), rays, candidates)
+
+    def _features(self, rings: Tensor) -> Tensor:
+        full = self.stem(rings)
+        half = self.to_half(full)
+        quarter = self.to_quarter(half)
+        x = self.up_quarter(self.to_eighth(quarter), quarter)
+        y: Tensor = self.up_full(self.up_half(x, half), full)
+        return y
+
+    def _answer(self, out: Tensor, rays: Tensor, candidates: Tensor) -> Answer:
+        logits = out[:, :CANDIDATES].masked_fill(candidates <= 0, -1e4)
+        shift, scale, valid = out[:, CANDIDATES:].unbind(1)
+        weights = (logits - logits.amax(dim=1, keepdim=True)).exp()  # ONNX Runtime's softmax takes five times as long
+        mean = (weights * candidates).sum(dim=1) / weights.sum(dim=1)
+        sigma = rays[:, SIGMA].exp() - 1  # ray-segment's own, where learning starts
+        scale = LEAST_SCALE + (sigma + 0.02) * torch.exp(scale.clamp(-6, 6))
+        return Answer(mean * (1 + RESIDUAL * torch.tanh(shift)), scale, valid, logits)
+
+
+class _Convolution(nn.Module):
+    """3 x 3, with batch normalisation and ReLU; stride and dilation are of the columns."""
+
+    def __init__(self, channels_in: int, channels_out: int, stride: int = 1, dilation: int = 1) -> None:
+        super().__init__()
+        self.convolution = nn.Conv2d(
+            channels_in, channels_out, 3, (1, stride), padding=(1, dilation), dilation=(1, dilation), bias=False
+        )
+        self.norm = nn.BatchNorm2d(channels_out)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return functional.relu(self.norm(self.convolution(x)))
+
+
+class _Block(nn.Module):
+    """Two convolutions, and past them the input."""
+
+    def __init__(self, channels: int, dilation: int = 1) -> None:
+        super().__init__()
+        self.block = nn.Sequential(_Convolution(channels, channels), _Convolution(channels, channels, 1, dilation))
+
+    def forward(self, x: Tensor) -> Tensor:
+        y: Tensor = x + self.block(x)
+        return y
+
+
+class _Up(nn.Module):
+    """Twice the columns, joined with the features from there."""
+
+    def __init__(self, channels_in: int, channels_out: int) -> None:
+        super().__init__()
+        self.join = nn.Conv2d(channels_in + channels_out, channels_out, 1)
+        self.block = _Block(channels_out)
+
+    def forward(self, x: Tensor, finer: Tensor) -> Tensor:
+        wide = functional.interpolate(x, scale_factor=(1.0, 2.0), mode="nearest")
+        y: Tensor = self.block(functional.relu(self.join(torch.cat([wide, finer], dim=1))))
+        return y
+
+
+def _around(x: Tensor, columns: int) -> Tensor:
+    """The columns go round: so many more on each side."""
+    return torch.cat([x[..., -columns:], x, x[..., :columns]], dim=-1)

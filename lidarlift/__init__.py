@@ -1,0 +1,1 @@
+"""LiDAR-camera SLAM for people with a cheap LiDAR."""

@@ -1,0 +1,5 @@
+"""`python -m lidarlift` is `lidarlift`."""
+
+from lidarlift.cli import main
+
+main()

@@ -1,0 +1,85 @@
+"""`lidarlift enrich`: a drive's scans with what lies between their rings filled in."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lidarlift.cli.arguments import EnricherOption, frame_slice, require_writable
+from lidarlift.cli.console import progress
+from lidarlift.front_ends import front_end_for
+from slam.config import load_config
+from slam.data.errors import InputError
+
+if TYPE_CHECKING:
+    from slam.data.cloud import PointCloud
+
+
+class Format(StrEnum):
+    BIN = "bin"
+    PCD = "pcd"
+    PLY = "ply"
+
+
+def enrich(
+    dataset: Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")],
+    out: Annotated[Path, typer.Option(help="The folder for the clouds, one a scan, named as the scans are numbered.")],
+    sequence: Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")] = None,
+    format: Annotated[
+        Format, typer.Option(help="bin: x y z intensity, as KITTI; pcd and ply: ring, sigma and measured as well.")
+    ] = Format.PCD,
+    enricher: EnricherOption = None,
+    config: Annotated[str | None, typer.Option(help="A YAML file with settings.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: front_end.coverage=0.8")] = None,
+    frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
+    sensor: Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML file with the beams.")] = None,
+) -> None:
+    """Write the scans of 16 rings, with the rest of about 64 filled in; each point with its sigma.
+
+    Example: `lidarlift enrich kitti/sequences/04 --out enriched/04 --frames 0:10 --format ply`
+
+    Of 64-ring scans every fourth ring is taken (front_end.phase, front_end.drop); of other sensors all. The clouds are
+    as recorded: neither deskewed nor vertically corrected.
+    """
+    from slam.data.dataset import open_dataset
+
+    require_writable(out)
+    data = open_dataset(dataset, sequence, sensor)
+    settings = load_config(config, set_ or (), input="enriched", enricher=enricher and enricher.value).front_end
+    front_end = front_end_for(settings, data)
+    positions = range(len(data))[frame_slice(frames)]
+    if len(positions) == 0:
+        raise InputError(f"{data.path}: no frames in that range; the drive has {len(data)}, from 0")
+    measured = total = empty = 0
+    with progress(f"{data.name}, enriched", len(positions)) as advance:
+        for position in positions:
+            frame = data[position]
+            cloud = front_end(frame, ())
+            if len(cloud):
+                _write(out / f"{frame.index:06d}.{format.value}", cloud)
+            measured, total, empty = measured + int(cloud.measured.sum()), total + len(cloud), empty + (not len(cloud))
+            advance()
+    done = len(positions) - empty
+    print(f"{done} scans: {measured // max(done, 1):,} measured points a scan became {total // max(done, 1):,}")
+    if empty:
+        print(f"{empty} scans were empty or damaged and have no file")
+    print(f"Written to {out}")
+
+
+def _write(path: Path, cloud: PointCloud) -> None:
+    import numpy as np
+
+    from slam.data.atomic import written_beside
+    from slam.data.point_writer import write_points
+
+    if path.suffix == ".bin":
+        with written_beside(path) as temporary:
+            np.column_stack([cloud.xyz, cloud.intensity]).astype("<f4").tofile(temporary)
+    else:
+        assert cloud.ring is not None
+        write_points(
+            path, cloud, {"ring": cloud.ring.astype("uint16"), "sigma": cloud.sigma, "measured": cloud.measured}
+        )

@@ -1,5 +1,0 @@
-"""`python -m slam.cli` is `lidarlift`."""
-
-from slam.cli import main
-
-main()

@@ -1,0 +1,90 @@
+"""Lift as a method: on all rays between two returns, for any LiDAR; without what it needs, ray-segment."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from enrichment.geometry.rays import RayGrid
+from enrichment.geometry.sparse_scan import SparseScan
+from enrichment.interpolation.ray_segment import RaySegment
+from enrichment.lift.network import Lift
+from enrichment.methods.lift import LiftMethod
+from enrichment.networks.export import export_lift
+from slam.data.errors import InputError
+
+
+@pytest.fixture
+def method(tmp_path: Path) -> LiftMethod:
+    """Untrained: near ray-segment, which is where learning starts."""
+    torch.manual_seed(0)
+    export_lift(Lift(), tmp_path)
+    return LiftMethod(tmp_path)
+
+
+@pytest.mark.parametrize("columns", [2000, 1801])
+def test_it_predicts_where_ray_segment_does(
+    columns: int, method: LiftMethod, sparse: Callable[..., SparseScan]
+) -> None:
+    scan = replace(sparse(), columns=columns)
+    grid = RayGrid(scan.lines, columns)
+    found, plain = method(scan, grid), RaySegment()(scan, grid)
+    np.testing.assert_array_equal(found.ranges > 0, plain.ranges > 0)
+    np.testing.assert_array_equal(np.isfinite(found.sigma), plain.ranges > 0)
+    assert not found.trusted[plain.ranges == 0].any()
+    known = plain.ranges > 0
+    assert np.median(np.abs(found.ranges[known] / plain.ranges[known] - 1)) < 0.1
+    assert (found.sigma[known] > 0).all()
+
+
+def test_it_needs_no_camera(method: LiftMethod, sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+    assert sparse().image is None
+    assert method(sparse(), grid).ranges.any()
+
+
+def test_rings_held_out_are_asked_for_alone(
+    method: LiftMethod, sparse: Callable[..., SparseScan], grid: RayGrid
+) -> None:
+    """A ray's answer does not depend on which others are asked for."""
+    scan, rows = sparse(), np.array([5, 6, 30])
+    lines = replace(grid.sensor, elevation=grid.sensor.elevation[rows], offset=grid.sensor.offset[rows])
+    few, all_of_them = method(scan, RayGrid(lines)), method(scan, grid)
+    np.testing.assert_allclose(few.ranges, all_of_them.ranges[rows], rtol=1e-5)
+    np.testing.assert_allclose(few.sigma, all_of_them.sigma[rows], rtol=1e-4)
+
+
+@pytest.mark.parametrize("missing", ["weights", "onnxruntime"])
+def test_without_what_it_needs_it_is_ray_segment_and_says_so_once(
+    missing: str,
+    method: LiftMethod,
+    sparse: Callable[..., SparseScan],
+    grid: RayGrid,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    if missing == "onnxruntime":
+        monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    else:
+        (tmp_path / "lift.onnx").unlink()
+    method = LiftMethod(tmp_path)
+    assert method.parameters is None
+    with caplog.at_level(logging.WARNING):
+        for _ in range(2):
+            np.testing.assert_array_equal(method(sparse(), grid).ranges, RaySegment()(sparse(), grid).ranges)
+    (record,) = caplog.records
+    assert missing.replace("weights", "lift.onnx") in record.getMessage()
+
+
+def test_damaged_weights_are_refused(method: LiftMethod, tmp_path: Path) -> None:
+    assert method.parameters is not None
+    (tmp_path / "lift.onnx").write_bytes(b"nothing of the kind")
+    with pytest.raises(InputError, match=r"lift\.onnx: no ONNX network"):
+        LiftMethod(tmp_path)

@@ -1,0 +1,97 @@
+"""`lidarlift compare`: run folders beside each other; and `run --input enriched`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lidarlift.cli.compare import INPUTS, rows_for
+from slam.data.point_files import read_points
+from slam.session import read_report
+
+Command = Callable[..., Any]
+
+
+QUICK = ("--enricher", "ray-segment")
+
+
+def test_three_inputs_of_one_drive(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    result = lidarlift("compare", street_drive(), "--out", "c", "--frames", "0:5", *QUICK)
+    assert result.code == 0, result.err
+    assert sorted(path.name for path in Path("c").iterdir()) == ["16", "64", "compare.json", "compare.md", "enriched"]
+    inputs = json.loads(Path("c/compare.json").read_text())["inputs"]
+    assert list(inputs) == ["16", "enriched", "64"]
+    for channels, figures in inputs.items():
+        assert read_report(Path("c") / channels)["protocol"]["input"] == channels
+        assert figures["frames"] == 5
+        assert figures["ate_m"] < 0.1
+    assert "Table III" in result.out
+    assert "5 frames, enriched by ray-segment" in result.out
+
+
+def test_another_enricher_stands_beside_ray_segment(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    result = lidarlift("compare", street_drive(), "--out", "c", "--frames", "0:3", "--enricher", "joint")
+    assert result.code == 0, result.err
+    assert list(json.loads(Path("c/compare.json").read_text())["inputs"]) == ["16", "ray-segment", "enriched", "64"]
+    for row, enricher in (("ray-segment", "ray-segment"), ("enriched", "joint")):
+        assert enricher_of(Path("c") / row) == enricher
+    assert "3 frames, enriched by joint" in result.out
+
+
+def test_lift_enriches_by_default(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    assert lidarlift("run", street_drive(), "--input", "enriched", "--out", "r", "--frames", "0:2").code == 0
+    assert enricher_of(Path("r")) == "lift"
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_network_without_weights_is_ray_segment_and_has_no_row_beside_it(
+    there: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("enrichment.methods.onnx_network.has_weights", lambda _: there)
+    assert list(rows_for(INPUTS)) == ["16", *(["ray-segment"] if there else []), "enriched", "64"]
+
+
+def test_a_sensor_of_sixteen_rings_has_no_64(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    folder = own_folder(street_drive())
+    result = lidarlift("compare", folder, "--out", "c", "--frames", "0:3", *QUICK)
+    assert result.code == 0, result.err
+    assert sorted(path.name for path in Path("c").iterdir()) == ["16", "compare.json", "compare.md", "enriched"]
+    points = {name: read_points(Path("c") / name / "map.pcd").xyz for name in ("16", "enriched")}
+    assert len(points["enriched"]) > 1.5 * len(points["16"])
+
+
+def test_no_enrichment_without_laser_lines(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    folder = own_folder(street_drive())
+    (folder / "sensor.yaml").unlink()
+    lidarlift("run", folder, "--input", "enriched").refused("laser lines", "--sensor")
+
+
+def test_a_folder_that_cannot_be_written(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    Path("file").write_text("")
+    lidarlift("compare", street_drive(), "--out", "file").refused("file")
+
+
+def enricher_of(run: Path) -> str:
+    return str(read_report(run)["protocol"]["config"]["front_end"]["enricher"])
+
+
+def own_folder(sequence: Path) -> Path:
+    """Sixteen rings of the drive's scans, as a folder of one's own."""
+    from slam.data.dataset import open_dataset
+    from slam.data.point_writer import write_points
+    from slam.data.ring_patterns import drop_rings
+
+    folder, data = Path("own"), open_dataset(sequence)
+    assert data.sensor is not None
+    for position in range(3):
+        cloud = drop_rings(data[position].cloud)
+        assert cloud.ring is not None
+        write_points(folder / f"{position:03d}.ply", cloud, {"ring": (cloud.ring // 4).astype(np.int32)})
+    beams = np.column_stack([np.rad2deg(data.sensor.elevation), data.sensor.offset])[::4]
+    (folder / "sensor.yaml").write_text(f"model: mine\nbeams: {beams.round(5).tolist()}\n")
+    return folder

@@ -1,0 +1,85 @@
+"""`lidarlift demo`: runs over one simulated drive, and their comparison."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from slam.session import read_report
+from slam.simulation.simulation import Settings
+
+Command = Callable[..., Any]
+
+
+@pytest.fixture(autouse=True)
+def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Where the demo's drive is kept."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "lidarlift" / "demo"
+
+
+def test_the_whole_demo(lidarlift: Command, simulated: list[Settings]) -> None:
+    result = lidarlift("demo", "--out", "d")
+    assert result.code == 0, result.err
+    assert simulated == [Settings(drive="loop")]
+    inputs = json.loads(Path("d/compare.json").read_text())["inputs"]
+    assert {path.name for path in Path("d").iterdir()} == {*inputs, "compare.json", "compare.md"}
+    for channels in ("16", "enriched", "64"):
+        folder = Path("d") / channels
+        protocol = read_report(folder)["protocol"]
+        assert (protocol["input"], protocol["frames"]) == (channels, [0, 8, 1])
+        assert (folder / "map.pcd").exists()
+        assert (folder / "trajectory.png").exists()
+        ate = json.loads((folder / "metrics.json").read_text())["slam"]["ate"]["aligned"]["rmse"]
+        assert inputs[channels]["ate_m"] == ate < 0.1
+        assert re.search(rf"^{channels} +{ate:.3f} ", result.out, re.MULTILINE)
+        assert f"{folder}: map.pcd" in result.out
+    assert inputs["16"]["points_per_scan"] * 4 == inputs["64"]["points_per_scan"]
+    assert inputs["16"]["points_per_scan"] < inputs["enriched"]["points_per_scan"] < inputs["64"]["points_per_scan"]
+    assert inputs["64"]["to_64_m"] is None
+    assert 0 < inputs["enriched"]["to_64_m"] < 0.1
+    assert "| enriched |" in Path("d/compare.md").read_text()
+    assert "d/compare.json" in result.out
+    assert "simulated town" in result.err
+
+
+@pytest.mark.usefixtures("simulated")
+def test_quick_is_the_beginning_of_the_same_drive(
+    lidarlift: Command, monkeypatch: pytest.MonkeyPatch, cache: Path
+) -> None:
+    monkeypatch.setattr("lidarlift.cli.demo.QUICK", 5)
+    assert "5 frames" in lidarlift("demo", "--quick").out
+    assert len(list(cache.rglob("*.bin"))) == 5
+    assert "8 frames" in lidarlift("demo", "--out", "whole").out
+    assert len(list(cache.rglob("*.bin"))) == 8
+    assert "5 frames" in lidarlift("demo", "--quick").out
+    assert read_report(Path("runs/demo/16"))["protocol"]["frames"] == [0, 5, 1]
+
+
+@pytest.mark.usefixtures("simulated")
+def test_an_outdated_simulation_is_replaced(lidarlift: Command, cache: Path) -> None:
+    cache.mkdir(parents=True)
+    (cache / "simulation.json").write_text("of another version")
+    result = lidarlift("demo")
+    assert result.code == 0, result.err
+    assert not (cache / "simulation.json").exists()
+
+
+@pytest.mark.usefixtures("simulated")
+def test_a_cache_that_cannot_be_replaced(lidarlift: Command, cache: Path) -> None:
+    cache.parent.mkdir(parents=True)
+    cache.write_text("no folder")
+    result = lidarlift("demo")
+    assert result.code == 1
+    assert f"Error: {cache}: " in result.err
+
+
+def test_no_simulation_for_a_folder_that_cannot_be_written(lidarlift: Command, simulated: list[Settings]) -> None:
+    Path("d").write_text("mine")
+    lidarlift("demo", "--out", "d").refused("d")
+    assert not simulated

@@ -1,0 +1,255 @@
+"""`lidarlift run`: files, figures, and one line for what is wrong."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slam.data.cloud import Array
+from slam.data.errors import InputError
+from slam.data.point_files import read_points
+from slam.data.pose_files import read_poses
+from slam.graph.back_end import BackEnd
+from slam.session import read_report
+
+ODOMETRY = [
+    "ground_truth_tum.txt",
+    "odometry_kitti.txt",
+    "odometry_tum.txt",
+    "timings.csv",
+]  # what is known before loops
+STUCK = """
+import sys, time
+from lidarlift.cli import main
+from slam.graph.back_end import BackEnd
+
+def settle(self):
+    print("optimising", flush=True)
+    time.sleep(600)
+
+BackEnd.settle = settle
+main()
+"""
+
+Drive = Callable[..., Path]
+Command = Callable[..., Any]
+
+
+def test_run_writes_the_whole_folder(lidarlift: Command, street_drive: Drive, street_poses: Array) -> None:
+    result = lidarlift("run", street_drive(), "--out", "here/run")
+    assert result.code == 0, result.err
+    folder = Path("here/run")
+    report = read_report(folder)
+    assert report["protocol"]["input"] == "64"
+    assert report["counts"] == {"frames": 8, "registered": 8, "retried": 0, "failed": 0}
+    for stage in ("load", "front_end", "odometry", "map"):
+        assert report["timings_ms"][stage].keys() == {"median", "p95"}
+    for name in ("trajectory", "odometry"):
+        poses = read_poses(folder / f"{name}_kitti.txt")[1]
+        np.testing.assert_array_equal(poses[0], np.eye(4))
+        assert poses == pytest.approx(street_poses, abs=0.05)
+        assert read_poses(folder / f"{name}_tum.txt")[1] == pytest.approx(poses, abs=1e-8)
+    metrics = json.loads((folder / "metrics.json").read_text())
+    for name in ("slam", "odometry"):
+        assert metrics[name]["ate"]["aligned"]["rmse"] < 0.05
+        assert "drift" in metrics[name]
+    with (folder / "timings.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == 8
+    assert len(read_points(folder / "map.pcd").xyz) == report["map_points"] > 10_000
+    assert (folder / "trajectory.png").read_bytes().startswith(b"\x89PNG")
+    assert not [file.name for file in folder.iterdir() if file.name.startswith(".")]
+    assert result.ate == pytest.approx(metrics["odometry"]["ate"]["aligned"]["rmse"], abs=5.1e-4)
+    assert "8 frames" in result.out
+    assert "here/run" in result.out
+
+
+def test_frames_and_input(lidarlift: Command, street_drive: Drive) -> None:
+    """Without --out the folder is named by the drive and the channels."""
+    result = lidarlift("run", street_drive(), "--frames", "2:6", "--input", "16")
+    assert result.code == 0, result.err
+    folder = Path("runs/kitti-77-16")
+    report = read_report(folder)
+    assert report["protocol"]["frames"] == [2, 6, 1]
+    assert report["protocol"]["input"] == "16"
+    assert report["protocol"]["config"]["odometry"]["voxel_size"] == 0.5  # of the preset for 16
+    poses = read_poses(folder / "trajectory_kitti.txt")[1]
+    assert len(poses) == 4
+    np.testing.assert_array_equal(poses[0], np.eye(4))
+
+
+@pytest.mark.parametrize("frames", ["5", "a-b:", "1:2:3:4", "::0", "::-1"])
+def test_frames_that_are_no_slice(lidarlift: Command, street_drive: Drive, frames: str) -> None:
+    lidarlift("run", street_drive(), "--frames", frames).refused(f"--frames {frames}", "FROM:TO")
+    assert not Path("runs").exists()
+
+
+def test_frames_beyond_the_end(lidarlift: Command, street_drive: Drive) -> None:
+    result = lidarlift("run", street_drive(), "--frames", "20:30")
+    assert result.code == 1
+    assert "Error: " in result.err
+    assert "the drive has 8" in result.err
+    assert not Path("runs").exists()
+
+
+def test_a_single_frame(lidarlift: Command, street_drive: Drive) -> None:
+    result = lidarlift("run", street_drive(), "--frames", "3:4", "--out", "one")
+    assert result.code == 0, result.err
+    np.testing.assert_array_equal(read_poses(Path("one/trajectory_kitti.txt"))[1], [np.eye(4)])
+    assert not Path("one/metrics.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("setting", "right"),
+    [("odometry.voxelsize=1.0", "odometry.voxel_size"), ("odometri.max_range=50", "odometry"), ("map.voxel=1", "map.")],
+)
+def test_a_wrong_key_names_the_right_one(lidarlift: Command, street_drive: Drive, setting: str, right: str) -> None:
+    key = setting.partition("=")[0]
+    lidarlift("run", street_drive(), "--set", setting).refused(f"unknown setting '{key.split('.')[0]}", right)
+
+
+@pytest.mark.parametrize(
+    "setting",
+    ["x=1", *(f"odometry.voxel_size{rest}" for rest in ("", "=", "=-1", "=wide", "=["))],
+)
+def test_a_wrong_value_is_one_line(lidarlift: Command, street_drive: Drive, setting: str) -> None:
+    lidarlift("run", street_drive(), "--set", setting).refused()
+
+
+def test_a_key_below_a_number_is_one_line(lidarlift: Command, street_drive: Drive) -> None:
+    lidarlift("run", street_drive(), "--set", "odometry.voxel_size.x=2").refused("odometry.voxel_size")
+
+
+def test_settings_reach_the_run(lidarlift: Command, street_drive: Drive) -> None:
+    arguments = ("--set", "odometry.voxel_size=1.25", "--set", "map.voxel_size=0.5", "--frames", ":2", "--out", "r")
+    assert lidarlift("run", street_drive(), *arguments).code == 0
+    config = read_report(Path("r"))["protocol"]["config"]
+    assert (config["odometry"]["voxel_size"], config["map"]["voxel_size"]) == (1.25, 0.5)
+
+
+def test_an_empty_folder(lidarlift: Command, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    lidarlift("run", "empty").refused("no drive found; looked for KITTI odometry")
+
+
+def test_no_such_folder(lidarlift: Command) -> None:
+    lidarlift("run", "nowhere").refused("nowhere", "no such folder")
+
+
+def test_a_drive_without_scans(lidarlift: Command, street_drive: Drive) -> None:
+    path = street_drive()
+    for scan in (path / "velodyne").iterdir():
+        scan.unlink()
+    lidarlift("run", path).refused("velodyne", "no scans")
+
+
+def test_without_calib_it_runs_without_truth(lidarlift: Command, street_drive: Drive) -> None:
+    path = street_drive()
+    (path / "calib.txt").unlink()
+    result = lidarlift("run", path, "--out", "r")
+    assert result.code == 0, result.err
+    assert "Note: no calibration: " in result.err
+    assert "No ground truth" in result.out
+    assert not Path("r/metrics.json").exists()
+    assert read_report(Path("r"))["counts"]["no_calibration"] == 1
+    lidarlift("export", "r", "out.txt", "--format", "kitti", "--frame", "camera").refused("--frame lidar")
+
+
+def test_poses_shorter_than_scans(lidarlift: Command, street_drive: Drive) -> None:
+    path = street_drive()
+    poses = path.parent.parent / "poses" / "77.txt"
+    poses.write_text("".join(poses.read_text().splitlines(keepends=True)[:5]))
+    result = lidarlift("run", path, "--out", "r")
+    assert result.code == 0, result.err
+    assert "Note: poses shorter than scans" in result.err
+    metrics = json.loads(Path("r/metrics.json").read_text())
+    assert metrics["odometry"]["frames"] == 5
+    assert "5 of 8 frames have a reference" in result.out
+
+
+def test_damage_is_noted_once_a_kind(lidarlift: Command, street_drive: Drive) -> None:
+    result = lidarlift("run", street_drive({3: b"", 5: b""}), "--out", "r")
+    assert result.code == 0, result.err
+    assert result.err.count("Note: ") == 1
+    assert "000003.bin" in result.err
+    assert "(and 1 more, see run.json)" in result.err
+    assert "2 failed" in result.out
+    assert len(read_report(Path("r"))["problems"]) == 2
+
+
+def test_strict_stops_and_writes_nothing(lidarlift: Command, street_drive: Drive) -> None:
+    result = lidarlift("run", street_drive({3: b""}), "--strict", "--out", "r")
+    assert result.code == 1
+    assert "Error: " in result.err
+    assert "000003.bin" in result.err
+    assert not Path("r").exists()
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(file.name for file in folder.iterdir())
+
+
+def test_a_run_that_stops_while_it_registers_leaves_the_earlier_one(lidarlift: Command, finished: Path) -> None:
+    before = {file.name: file.read_bytes() for file in Path("r").iterdir()}
+    (finished / "velodyne" / "000005.bin").write_bytes(b"")
+    assert lidarlift("run", finished, "--strict", "--out", "r").code == 1
+    assert {file.name: file.read_bytes() for file in Path("r").iterdir()} == before
+
+
+def test_a_run_that_stops_while_it_optimises_leaves_its_odometry(
+    lidarlift: Command, finished: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And nothing of the earlier run, which was of other frames; the next run into the folder finishes it."""
+    folder, whole = Path("r"), names(Path("r"))
+
+    def fails(_: BackEnd) -> None:
+        raise InputError("out of luck")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(BackEnd, "settle", fails)
+        lidarlift("run", finished, "--frames", ":5", "--out", "r")
+    assert names(folder) == ODOMETRY
+    assert len(read_poses(folder / "odometry_tum.txt")[1]) == len(read_poses(folder / "odometry_kitti.txt")[1]) == 5
+    with pytest.raises(InputError):
+        read_report(folder)
+    assert lidarlift("run", finished, "--out", "r").code == 0
+    assert names(folder) == whole
+    assert read_report(folder)["counts"]["frames"] == 8
+
+
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGKILL])
+def test_a_process_that_is_stopped_as_it_optimises(street_drive: Drive, tmp_path: Path, stop: signal.Signals) -> None:
+    arguments = ["run", str(street_drive()), "--frames", ":3", "--out", str(tmp_path / "r")]
+    command = [sys.executable, "-c", STUCK, *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "optimising\n"
+            process.send_signal(stop)
+            _, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert names(tmp_path / "r") == ODOMETRY
+    assert len(read_poses(tmp_path / "r" / "odometry_tum.txt")[1]) == 3
+    if stop is signal.SIGINT:
+        assert process.returncode == 130
+        assert err.splitlines()[-1].startswith("Stopped")
+        assert "Traceback" not in err
+
+
+def test_messages_are_printed_as_they_are(lidarlift: Command) -> None:
+    lidarlift("run", "drives:b:4").refused("drives:b:4: no such folder")
+
+
+def test_an_enricher_needs_something_to_enrich(lidarlift: Command, street_drive: Drive) -> None:
+    lidarlift("run", street_drive(), "--enricher", "joint", "--out", "r").refused(
+        "--enricher joint", "--input enriched"
+    )
