@@ -34,7 +34,8 @@ def run_into(
     """
     from eval.evaluation import evaluate_run
     from eval.plot import plot_run
-    from slam.pipeline import Pipeline, compile_kernels
+    from slam.compilation import compile_kernels
+    from slam.pipeline import Pipeline
     from slam.recorded_odometry import RecordedOdometry
     from slam.session import save_odometry, save_run
 

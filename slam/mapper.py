@@ -30,7 +30,7 @@ STAGES = ("map", "loops", "back_end")
 
 
 @dataclass(frozen=True, eq=False)
-class Mapping:
+class MappingResult:
     """What came of the keyframes.
 
     poses      (K, 4, 4) T_world_keyframe, optimised
@@ -53,16 +53,12 @@ class Mapping:
 
     def corrected(self, poses: Array) -> Array:
         """Odometry poses (N, 4, 4) of frames 0, 1 .., moved as the keyframes before and after them were."""
-        if self.loops == 0:
-            return poses
-        moved = self.poses @ se3.inverse(self.keyframes.poses)
-        frames = np.arange(len(poses), dtype=float)
-        return np.asarray(se3.interpolate(self.keyframes.indices.astype(float), moved, frames) @ poses)
+        return _corrected(poses, self.keyframes, self.poses) if self.loops else poses
 
 
 @dataclass
 class Mapper:
-    """Takes registered scans and gives a `Mapping`.
+    """Takes registered scans and gives a `MappingResult`.
 
     All is done in the order of the scans by one thread, and depends on nothing but them: whatever the timing, the
     result is the same. A keyframe's loops are searched when the keyframes that its verification reaches for are there.
@@ -89,7 +85,11 @@ class Mapper:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._thread.shutdown(wait=kind is None, cancel_futures=True)  # what is stopped should not wait for a solver
+        self.close(wait=kind is None)
+
+    def close(self, wait: bool = True) -> None:
+        """End the thread; without `wait`, what it is at goes on unattended."""
+        self._thread.shutdown(wait=wait, cancel_futures=True)
 
     def add(self, position: int, frame: Frame, recorded: PointCloud, step: OdometryStep) -> None:
         """The scan of the frame at `position` of the run, as recorded and as registered. Returns at once, unless the
@@ -98,16 +98,18 @@ class Mapper:
             self._waiting.popleft().result()
         self._waiting.append(self._thread.submit(self._add, position, frame, recorded, step))
 
-    def finish(self) -> Mapping:
+    def corrected(self, poses: Array) -> Array:
+        """Odometry poses (N, 4, 4) of the frames so far, moved as the loops closed so far moved the keyframes."""
+        return self._thread.submit(self._corrected, poses).result()
+
+    def finish(self) -> MappingResult:
         """Search the last keyframes, judge all loops together, and build the map."""
         self._waiting.append(self._thread.submit(self._finish))
         while self._waiting:
             self._waiting.popleft().result()
-        ledger, poses = self._back_end.ledger(), self._keyframes.poses
-        if any(record.status == "accepted" for record in ledger):
-            poses = poses[0] @ self._back_end.poses()
+        ledger, poses = self._back_end.ledger(), self._optimised()
         world = build_map(self._keyframes, poses, self.config.map)
-        return Mapping(poses, self._keyframes, ledger, self._back_end.graph(), world)
+        return MappingResult(poses, self._keyframes, ledger, self._back_end.graph(), world)
 
     def _add(self, position: int, frame: Frame, recorded: PointCloud, step: OdometryStep) -> None:
         begin = time.perf_counter()
@@ -125,6 +127,14 @@ class Mapper:
         self.milliseconds["map"].append(1e3 * (time.perf_counter() - begin))
         if done is not None:
             self._close(self.config.loops.verification.query_reach)
+
+    def _optimised(self) -> Array:
+        """The keyframes' poses (K, 4, 4), as the odometry has them until a loop is closed."""
+        poses = self._keyframes.poses
+        return poses[0] @ self._back_end.poses() if self._back_end.has_loops else poses
+
+    def _corrected(self, poses: Array) -> Array:
+        return _corrected(poses, self._keyframes, self._optimised()) if self._back_end.has_loops else poses
 
     def _finish(self) -> None:
         self._keyframes.finish()
@@ -164,6 +174,13 @@ class Mapper:
         settings = self.config.pose_graph
         drift = np.array([np.deg2rad(settings.rotation_deg)] * 3 + [settings.translation] * 3) ** 2 * way
         return se3.normalized(se3.inverse(before) @ here), self._doubts[number] + np.diag(drift)
+
+
+def _corrected(poses: Array, keyframes: Keyframes, optimised: Array) -> Array:
+    """Odometry poses (N, 4, 4) of frames 0, 1 .., moved as the keyframes' (K, 4, 4) were from the odometry's."""
+    moved = optimised @ se3.inverse(keyframes.poses)
+    frames = np.arange(len(poses), dtype=float)
+    return np.asarray(se3.interpolate(keyframes.indices.astype(float), moved, frames) @ poses)
 
 
 def _coloured(cloud: PointCloud, recorded: PointCloud, frame: Frame) -> PointCloud:

@@ -1,14 +1,14 @@
-"""A drive from its scans to a trajectory and a map: the line that everything else hangs on."""
+"""SLAM frame by frame, live or over a data set: the line that everything else hangs on."""
 
 from __future__ import annotations
 
-import threading
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
+from types import TracebackType
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -17,84 +17,140 @@ from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
 from slam.data.problem import Problem
-from slam.front_end import FrontEnd, RingFrontEnd
-from slam.loops.closing import LoopSearch
-from slam.loops.verification import Verifier
-from slam.mapper import Mapper, Mapping
-from slam.mapping.global_map import build_map
-from slam.mapping.keyframes import Keyframes
-from slam.odometry import Odometry
+from slam.data.sensor import Sensor
+from slam.front_end import FrontEnd, History, RingFrontEnd
+from slam.mapper import Mapper
+from slam.odometry import Odometry, OdometryStep
 from slam.recorded_odometry import RecordedOdometry
-from slam.settings import Config
+from slam.run import FrameRecord, Run, Source
+from slam.settings import Config, FrontEndSettings
 
 HISTORY = 5  # past clouds that a front end is shown
-STAGES = ("load", "front_end", "odometry", "waiting")  # of a frame, the last for the mapper; this has its own
+SWEEP = 0.1  # s; spinning LiDARs turn ten times a second
 
 
-@dataclass(frozen=True, eq=False)
-class FrameRecord:
-    """What the odometry made of a frame: pose (4, 4) T_world_lidar and covariance (6, 6) as in OdometryStep,
-    milliseconds by stage."""
+class PoseSource(Protocol):
+    """Poses scan by scan: our `Odometry`, or `RecordedSteps`, which has them from a file."""
 
-    index: int
-    stamp: float
-    pose: Array
-    covariance: Array
-    status: str
-    inlier_ratio: float
-    points: int
-    milliseconds: dict[str, float]
+    def predict(self, stamp: float) -> Array: ...
+    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep: ...
 
 
-@dataclass(eq=False)
-class Run:
-    """What a run over a drive gave."""
+class Slam:
+    """LiDAR SLAM, one frame after the other.
 
-    dataset: Dataset
-    config: Config
-    positions: range
-    vertical_correction: float
-    deskewed: bool
-    mapping: Mapping | None = None
-    milliseconds: dict[str, list[float]] = field(default_factory=dict)
-    records: list[FrameRecord] = field(default_factory=list)
-    problems: list[Problem] = field(default_factory=list)
+    Each frame passes the front end and the odometry at once; keyframes, loop closures and the pose graph follow in a
+    thread of their own. Results repeat bit for bit: they depend on the frames, never on the timing.
 
-    @property
-    def odometry_poses(self) -> Array:
-        """(N, 4, 4) T_world_lidar before loops, the first identity."""
-        return np.array([record.pose for record in self.records])
+    Use it in a `with` statement, so that an exception stops the thread.
 
-    @property
-    def poses(self) -> Array:
-        """(N, 4, 4) T_world_lidar, loops closed; the first identity."""
-        return self.mapping.corrected(self.odometry_poses) if self.mapping else self.odometry_poses
+    Args:
+        config: The settings; by default `Config()`.
+        front_end: Makes the cloud that is registered; by default the rings that `config` asks for.
+        source: Where the frames come from, for the run folder.
+        sweep_duration: Seconds that the LiDAR takes for one sweep.
+        odometry: What gives the poses; by default our odometry with the settings of `config`.
 
-    @property
-    def map(self) -> PointCloud:
-        """Of the whole drive, in the world's frame."""
-        return self.mapping.map if self.mapping else PointCloud(np.zeros((0, 3)), np.zeros(0))
+    Raises:
+        InputError: `config` asks for rings that the sensor does not have.
+        ValueError: `config` asks for enriched input and no front end that enriches is given.
+    """
 
-    @property
-    def stamps(self) -> Array:
-        """(N,) seconds."""
-        return np.array([record.stamp for record in self.records])
+    def __init__(
+        self,
+        config: Config | None = None,
+        front_end: FrontEnd | None = None,
+        *,
+        source: Source | None = None,
+        sweep_duration: float = SWEEP,
+        odometry: PoseSource | None = None,
+    ) -> None:
+        config, source = config or Config(), source or Source()
+        if front_end is None and config.front_end.input == "enriched":
+            raise ValueError(
+                "input 'enriched' needs a front end that enriches: lidarlift.run and lidarlift.Slam have it"
+            )
+        angle = vertical_correction(config.front_end, source.sensor)
+        self.result = Run(source, config, angle)
+        self._front_end = front_end or RingFrontEnd(config.front_end, source.sensor)
+        self._odometry = odometry or Odometry(config.odometry, sweep_duration=sweep_duration, vertical_correction=angle)
+        self._mapper = Mapper(config)
+        self._past: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
 
-    @property
-    def ground_truth(self) -> Array | None:
-        """(N, 4, 4) of the same frames, NaN where unknown, or None."""
-        return None if self.dataset.ground_truth is None else self.dataset.ground_truth[self.positions]
+    def __enter__(self) -> Self:
+        return self
 
-    def counts(self) -> dict[str, int]:
-        """Frames by their status, and problems by their kind."""
-        statuses = Counter(record.status for record in self.records)
-        kinds = Counter(problem.kind for problem in self.problems)
-        known = {name: statuses[name] for name in ("registered", "retried", "failed")}
-        return {"frames": len(self.records), **known, **{kind.replace(" ", "_"): n for kind, n in kinds.items()}}
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._mapper.close(wait=kind is None)  # what is stopped should not wait for a solver
+
+    def add(self, frame: Frame, load_milliseconds: float = 0.0) -> FrameRecord:
+        """Register the next frame.
+
+        Args:
+            frame: Points as recorded, in the sensor's frame, with their stamp, and the image beside them.
+            load_milliseconds: How long reading it took, for the timings.
+
+        Returns:
+            Pose, covariance and status at once, before any loop that this frame may close.
+
+        Raises:
+            InputError: Deskewing was asked for and the points have no times.
+            ValueError: `finish` was called before.
+        """
+        if self.result.mapping:
+            raise ValueError("this run is finished; begin another one")
+        self.result.problems.extend(frame.problems)
+        clock = _Clock(load_milliseconds)
+        cloud = self._front_end(frame, self._history(frame.stamp))
+        clock.lap("front_end")
+        scan = self._with_times(cloud, frame)
+        step = self._odometry.register(scan, frame.stamp)
+        clock.lap("odometry")
+        self._mapper.add(len(self.result.records), frame, cloud, step)
+        clock.lap("waiting")
+        self._past.append((cloud, step.pose))
+
+        inliers = step.registration.inlier_ratio if step.registration else float("nan")
+        record = FrameRecord(
+            frame.index, frame.stamp, step.pose, step.covariance, step.status, inliers, len(cloud), clock.laps
+        )
+        self.result.records.append(record)
+        return record
+
+    def trajectory(self) -> Array:
+        """(N, 4, 4) T_world_lidar of all frames so far, by the loops that are closed so far; the first is the identity.
+
+        Waits until the keyframes so far are searched for loops: a few frames' time. Nothing later changes by asking.
+        """
+        return self.result.poses if self.result.mapping else self._mapper.corrected(self.result.odometry_poses)
+
+    def finish(self) -> Run:
+        """Search the last keyframes for loops, judge all loops together, and build the map."""
+        if self.result.mapping is None:
+            self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
+            self._mapper.close()
+        return self.result
+
+    def _history(self, stamp: float) -> History:
+        """The past clouds, each with T_now_then, as the odometry predicts the pose at `stamp`."""
+        now_world = se3.inverse(self._odometry.predict(stamp))
+        return [(then, now_world @ pose) for then, pose in self._past]
+
+    def _with_times(self, cloud: PointCloud, frame: Frame) -> PointCloud:
+        """The cloud with the times that deskewing goes by, or without where it is switched off."""
+        deskew = self.result.config.front_end.deskew
+        if deskew is False:
+            return replace(cloud, time=None)
+        if deskew and cloud.time is None and len(cloud):
+            raise InputError(f"frame {frame.index}: its points have no times to deskew by; leave front_end.deskew out")
+        self.result.deskewed |= cloud.time is not None
+        return cloud
 
 
 class Pipeline:
-    """Runs a configuration over drives. `front_end` replaces the one that the configuration names."""
+    """Runs a configuration over data sets. `front_end` replaces the one that the configuration names."""
 
     def __init__(self, config: Config | None = None, front_end: FrontEnd | None = None) -> None:
         self.config, self.front_end = config or Config(), front_end
@@ -109,109 +165,66 @@ class Pipeline:
         on_frame: Callable[[FrameRecord], None] | None = None,
         on_odometry: Callable[[Run], None] | None = None,
     ) -> Run:
-        """Odometry, loops and map over the frames (positions in the data set, as in a list's slice); poses that are
-        `recorded` take the odometry's place. `on_odometry` is called when all frames are registered: judging the loops
-        and building the map, which follow, may take minutes.
+        """Feed the frames of a data set to `Slam`.
 
-        Runs repeat bit for bit. Raises InputError where no frames are left, where a step asks for what the data do
-        not have, and, with `strict`, at the first problem.
+        Args:
+            dataset: The drive.
+            frames: Positions in the data set, as in a list's slice.
+            recorded: Poses of another odometry, which take the place of ours.
+            strict: Stop at the first problem of the data.
+            on_frame: Called after each frame.
+            on_odometry: Called when all frames are registered. Judging the loops and building the map follow, and may
+                take minutes.
+
+        Raises:
+            InputError: No frames are left, a step asks for what the data do not have, or `strict` met a problem.
         """
-        run = self._start(dataset, frames)
-        if self.front_end is None and self.config.front_end.input == "enriched":
-            raise ValueError("input 'enriched' needs the front end that enriches")
-        front_end = self.front_end or RingFrontEnd(self.config.front_end, dataset.sensor)
-        about: Any = {"sweep_duration": sweep_duration(dataset), "vertical_correction": run.vertical_correction}
-        odometry = recorded.steps(run.positions, **about) if recorded else Odometry(self.config.odometry, **about)
-        past: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
-        self._report(run, dataset.problems, strict)
-
-        with Mapper(self.config) as mapper:
-            for position, (frame, load) in enumerate(_read_ahead(dataset, run.positions)):
-                self._report(run, frame.problems, strict)
-                frame = recorded.stamped(frame, run.positions[position]) if recorded else frame
-                clock = _Clock(load)
-                now_world = se3.inverse(odometry.predict(frame.stamp))
-                cloud = front_end(frame, [(then, now_world @ pose) for then, pose in past])
-                clock.lap("front_end")
-                timed = self._with_times(cloud, frame)
-                run.deskewed |= timed.time is not None
-                step = odometry.register(timed, frame.stamp)
-                clock.lap("odometry")
-                mapper.add(position, frame, cloud, step)
-                clock.lap("waiting")
-                past.append((cloud, step.pose))
-
-                inliers = step.registration.inlier_ratio if step.registration else float("nan")
-                record = FrameRecord(
-                    frame.index, frame.stamp, step.pose, step.covariance, step.status, inliers, len(cloud), clock.laps
-                )
-                run.records.append(record)
+        source = source_of(dataset, frames)
+        positions, sweep = source.positions or range(0), sweep_duration(dataset)
+        angle = vertical_correction(self.config.front_end, source.sensor)
+        about: Any = {"sweep_duration": sweep, "vertical_correction": angle}
+        odometry = recorded.steps(positions, **about) if recorded else None
+        slam = Slam(self.config, self.front_end, source=source, sweep_duration=sweep, odometry=odometry)
+        _refuse(dataset.problems, strict)
+        slam.result.problems.extend(dataset.problems)
+        with slam:
+            for position, (frame, load) in zip(positions, _read_ahead(dataset, positions), strict=True):
+                _refuse(frame.problems, strict)
+                record = slam.add(recorded.stamped(frame, position) if recorded else frame, load)
                 if on_frame:
                     on_frame(record)
             if on_odometry:
-                on_odometry(run)
-            run.mapping, run.milliseconds = mapper.finish(), mapper.milliseconds
-        return run
+                on_odometry(slam.result)
+            return slam.finish()
 
-    def _start(self, dataset: Dataset, frames: slice) -> Run:
-        positions = range(len(dataset))[frames]
-        if len(positions) == 0:
-            raise InputError(f"{dataset.path}: no frames in that range; the drive has {len(dataset)}, from 0")
-        settings, sensor = self.config.front_end, dataset.sensor
-        own = sensor.vertical_correction if sensor else 0.0
-        angle = settings.vertical_correction_deg
-        return Run(
-            dataset=dataset,
-            config=self.config,
-            positions=positions,
-            vertical_correction=own if angle is None else float(np.deg2rad(angle)),
-            deskewed=False,
-        )
 
-    def _with_times(self, cloud: PointCloud, frame: Frame) -> PointCloud:
-        """The cloud with the times that deskewing goes by, or without where it is switched off."""
-        if self.config.front_end.deskew is False:
-            return replace(cloud, time=None)
-        if self.config.front_end.deskew and cloud.time is None and len(cloud):
-            raise InputError(f"frame {frame.index}: its points have no times to deskew by; leave front_end.deskew out")
-        return cloud
+def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
+    """The frames of a data set as the source of a run. Raises InputError where none are left."""
+    positions = range(len(dataset))[frames]
+    if len(positions) == 0:
+        raise InputError(f"{dataset.path}: no frames in that range; the drive has {len(dataset)}, from 0")
+    truth = None if dataset.ground_truth is None else dataset.ground_truth[positions]
+    return Source(dataset.name, dataset.path, dataset.sensor, dataset.calibration, positions, truth)
 
-    @staticmethod
-    def _report(run: Run, problems: Sequence[Problem], strict: bool) -> None:
-        if strict and problems:
-            raise InputError(problems[0].message)
-        run.problems.extend(problems)
+
+def vertical_correction(settings: FrontEndSettings, sensor: Sensor | None) -> float:
+    """Angle [rad] that every elevation is raised by: the settings', else the sensor's own."""
+    own = sensor.vertical_correction if sensor else 0.0
+    angle = settings.vertical_correction_deg
+    return own if angle is None else float(np.deg2rad(angle))
 
 
 def sweep_duration(dataset: Dataset) -> float:
     """Seconds that one sweep takes: the median of the stamps' differences, missing frames reckoned with."""
     if len(dataset) < 2:
-        return 0.1
+        return SWEEP
     duration = float(np.median(np.diff(dataset.stamps) / np.maximum(np.diff(dataset.numbers), 1)))
-    return duration if duration > 0 else 0.1
+    return duration if duration > 0 else SWEEP
 
 
-def compile_kernels(config: Config, notify: Callable[[], None]) -> None:
-    """Have numba's kernels ready, from its cache or compiled; `notify` is called once where that takes a while."""
-    timer = threading.Timer(1.5, notify)
-    timer.start()
-    try:
-        random = np.random.default_rng(0)
-        xyz = random.uniform(-10, 10, (2000, 3)).astype(np.float32)
-        cloud = PointCloud(xyz, np.zeros(2000), time=np.zeros(2000))
-        odometry = Odometry(config.odometry, vertical_correction=0.01)
-        for stamp in (0.0, 0.1, 0.2):
-            odometry.register(cloud, stamp)
-        odometry.target.evict(np.zeros(3), 1.0)
-        keyframes = Keyframes(config.keyframes)
-        keyframes.add(cloud, np.eye(4), 0, 0.0)
-        keyframes.finish()
-        search = LoopSearch(config.loops)
-        search.next(keyframes)
-        Verifier(config.loops.verification).verify(keyframes, 0, 0, np.eye(4))
-        build_map(keyframes, keyframes.poses, config.map)
-    finally:
-        timer.cancel()
+def _refuse(problems: Sequence[Problem], strict: bool) -> None:
+    if strict and problems:
+        raise InputError(problems[0].message)
 
 
 def _read_ahead(dataset: Dataset, positions: range) -> Iterator[tuple[Frame, float]]:

@@ -24,7 +24,7 @@ from slam.data.pose_files import kitti_text, tum_text
 from slam.graph.g2o import write_g2o
 from slam.graph.ledger import csv_text
 from slam.mapping.picture import map_png
-from slam.pipeline import STAGES, Run
+from slam.run import STAGES, Run
 
 RESULTS = (  # what waits for loops and map
     "run.json",
@@ -111,20 +111,20 @@ def _timings_csv(run: Run) -> str:
 
 
 def _report(run: Run) -> dict[str, Any]:
-    dataset, calibration = run.dataset, run.dataset.calibration
+    source = run.source
+    positions = source.positions or range(len(run.records))
     times = {stage: np.array([record.milliseconds[stage] for record in run.records]) for stage in STAGES}
     times |= {stage: np.array(values) for stage, values in run.milliseconds.items()}
     return {
         "protocol": {
-            "dataset": dataset.name,
-            "path": str(dataset.path),
-            "sensor": dataset.sensor.name if dataset.sensor else None,
-            "frames": [run.positions.start, run.positions.stop, run.positions.step],
+            "dataset": source.name,
+            "path": str(source.path) if source.path else None,
+            "sensor": source.sensor.name if source.sensor else None,
+            "frames": [positions.start, positions.stop, positions.step],
             "input": run.config.front_end.input,
             "vertical_correction_deg": round(float(np.rad2deg(run.vertical_correction)), 6),
             "deskew": run.deskewed,
             "alignment": "none: the first frame is the origin; metrics.json says how each figure was aligned",
-            "seed": run.config.seed,
             "versions": {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES},
             "config": run.config.model_dump(mode="json"),
         },
@@ -139,7 +139,7 @@ def _report(run: Run) -> dict[str, Any]:
         "path_length_m": round(float(np.linalg.norm(np.diff(run.poses[:, :3, 3], axis=0), axis=1).sum()), 4),
         "map_points": len(run.map),
         "peak_memory_mb": round(_peak_memory(), 1),
-        "T_camera0_lidar": _matrix(calibration.T_camera0_lidar if calibration else None),
+        "T_camera0_lidar": _matrix(source.calibration.T_camera0_lidar if source.calibration else None),
     }
 
 

@@ -147,4 +147,3 @@ class Config(Settings):
     loops: LoopSettings = LoopSettings()
     pose_graph: PoseGraphSettings = PoseGraphSettings()
     map: MapSettings = MapSettings()
-    seed: int = 0  # of every random draw

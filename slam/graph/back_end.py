@@ -54,17 +54,14 @@ class BackEnd:
         """A candidate that its verification refused: it goes into the ledger alone."""
         self._records.append(LoopRecord(candidate, 0.0, "rejected", reason))
 
-    def pose(self, i: int) -> Array:
-        """T_world_i (4, 4) by all edges so far."""
-        return self._online.pose(i)
+    @property
+    def has_loops(self) -> bool:
+        """Whether any loop is accepted as yet."""
+        return any(self._records[record].status == "accepted" for record, _ in self._loops)
 
     def poses(self) -> Array:
         """All T_world_i (N, 4, 4) by all edges so far."""
         return self._online.poses()
-
-    def marginal_covariance(self, i: int) -> Array:
-        """(6, 6) of pose @ exp(xi), given the first pose."""
-        return self._online.covariance(i)
 
     def settle(self) -> None:
         """Judge all loops together, solve the full graph with those that stay, and go on from there."""

@@ -125,14 +125,6 @@ class Incremental:
         """0 to 1, of a loop that is off by so many standard deviations."""
         return float(self.KERNEL.weight(distance))
 
-    def pose(self, i: int) -> Array:
-        """(4, 4)"""
-        return np.ascontiguousarray(self._isam.calculateEstimatePose3(i).matrix())
-
     def poses(self) -> Array:
         """(N, 4, 4)"""
         return poses_of(self._isam.calculateEstimate())
-
-    def covariance(self, i: int) -> Array:
-        """(6, 6) of pose(i) @ exp(xi), given the first pose."""
-        return np.ascontiguousarray(self._isam.marginalCovariance(i))

@@ -9,7 +9,7 @@ from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.graph.pose_graph import odometry_poses
-from slam.mapper import Mapper, Mapping
+from slam.mapper import Mapper, MappingResult
 from slam.odometry import OdometryStep
 
 SIDE = 60.0  # metres, of a square block that is driven around, and on along its first side
@@ -67,7 +67,7 @@ def drifting(poses: Array) -> Array:
     return np.array(result)
 
 
-def mapped(scans: list[PointCloud], poses: Array, *overrides: str) -> Mapping:
+def mapped(scans: list[PointCloud], poses: Array, *overrides: str) -> MappingResult:
     with Mapper(load_config(None, overrides)) as mapper:
         for position, (scan, pose) in enumerate(zip(scans, poses, strict=True)):
             step = OdometryStep(pose, 1e-6 * np.eye(6), "registered", None, scan)

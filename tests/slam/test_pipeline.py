@@ -15,7 +15,8 @@ from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 from slam.front_end import History
-from slam.pipeline import HISTORY, STAGES, FrameRecord, Pipeline, Run, sweep_duration
+from slam.pipeline import HISTORY, Pipeline, sweep_duration
+from slam.run import STAGES, FrameRecord, Run
 
 Drive = Callable[..., Path]
 RealData = Callable[[str], Path]

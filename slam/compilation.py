@@ -1,0 +1,39 @@
+"""numba's kernels compiled before a run, so that the first frames are not slow and a user is told why it waits."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import numpy as np
+
+from slam.data.cloud import PointCloud
+from slam.loops.closing import LoopSearch
+from slam.loops.verification import Verifier
+from slam.mapping.global_map import build_map
+from slam.mapping.keyframes import Keyframes
+from slam.odometry import Odometry
+from slam.settings import Config
+
+
+def compile_kernels(config: Config, notify: Callable[[], None]) -> None:
+    """Have numba's kernels ready, from its cache or compiled; `notify` is called once where that takes a while."""
+    timer = threading.Timer(1.5, notify)
+    timer.start()
+    try:
+        random = np.random.default_rng(0)
+        xyz = random.uniform(-10, 10, (2000, 3)).astype(np.float32)
+        cloud = PointCloud(xyz, np.zeros(2000), time=np.zeros(2000))
+        odometry = Odometry(config.odometry, vertical_correction=0.01)
+        for stamp in (0.0, 0.1, 0.2):
+            odometry.register(cloud, stamp)
+        odometry.target.evict(np.zeros(3), 1.0)
+        keyframes = Keyframes(config.keyframes)
+        keyframes.add(cloud, np.eye(4), 0, 0.0)
+        keyframes.finish()
+        search = LoopSearch(config.loops)
+        search.next(keyframes)
+        Verifier(config.loops.verification).verify(keyframes, 0, 0, np.eye(4))
+        build_map(keyframes, keyframes.poses, config.map)
+    finally:
+        timer.cancel()

@@ -1,0 +1,125 @@
+"""What a run gives: a record a frame, the trajectory before and after loops, the map, and where the scans came from."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from slam.data.cloud import Array, Calibration, PointCloud
+from slam.data.problem import Problem
+from slam.data.sensor import Sensor
+from slam.mapper import MappingResult
+from slam.settings import Config
+
+STAGES = (
+    "load",
+    "front_end",
+    "odometry",
+    "waiting",
+)  # of a frame, the last for the mapper, which has stages of its own
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRecord:
+    """The odometry's answer for one frame.
+
+    Attributes:
+        index: The frame's number in its data set; in a live run its place, from 0.
+        stamp: Seconds.
+        pose: (4, 4) T_world_lidar; the world is the first scan's frame.
+        covariance: (6, 6) of the motion since the scan before, as in `OdometryStep`.
+        status: 'registered', 'retried' or 'failed', as in `OdometryStep`.
+        inlier_ratio: Share of the matched points that fit the map, 0..1; NaN where nothing was registered.
+        points: How many points the front end handed to the odometry.
+        milliseconds: By the stages `STAGES`.
+    """
+
+    index: int
+    stamp: float
+    pose: Array
+    covariance: Array
+    status: str
+    inlier_ratio: float
+    points: int
+    milliseconds: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Where a run's scans come from.
+
+    Attributes:
+        name: For tables and run.json, like 'KITTI odometry 04'.
+        path: The data set's folder, None in a live run.
+        sensor: The LiDAR's laser lines, None where they are unknown.
+        calibration: The camera beside the LiDAR, None without one.
+        positions: Which frames of the data set are run, None in a live run.
+        ground_truth: (N, 4, 4) T_world_lidar of these frames, NaN where unknown, or None.
+    """
+
+    name: str = "live"
+    path: Path | None = None
+    sensor: Sensor | None = None
+    calibration: Calibration | None = None
+    positions: range | None = None
+    ground_truth: Array | None = None
+
+
+@dataclass(eq=False)
+class Run:
+    """A run over a drive, complete once `mapping` is there.
+
+    Attributes:
+        source: Where the scans came from.
+        config: The settings.
+        vertical_correction: Angle [rad] that every elevation was raised by.
+        deskewed: Whether any scan was deskewed.
+        mapping: Keyframes, loops and map, None while frames are still being added.
+        milliseconds: Of the stages behind the odometry (map, loops, back_end), a figure a keyframe or frame.
+        records: One a frame.
+        problems: What was wrong with the data.
+    """
+
+    source: Source
+    config: Config
+    vertical_correction: float
+    deskewed: bool = False
+    mapping: MappingResult | None = None
+    milliseconds: dict[str, list[float]] = field(default_factory=dict)
+    records: list[FrameRecord] = field(default_factory=list)
+    problems: list[Problem] = field(default_factory=list)
+
+    @property
+    def odometry_poses(self) -> Array:
+        """(N, 4, 4) T_world_lidar before loops, the first identity."""
+        return np.array([record.pose for record in self.records]).reshape(-1, 4, 4)
+
+    @property
+    def poses(self) -> Array:
+        """(N, 4, 4) T_world_lidar, loops closed; the first identity."""
+        return self.mapping.corrected(self.odometry_poses) if self.mapping else self.odometry_poses
+
+    @property
+    def map(self) -> PointCloud:
+        """Of the whole drive, in the world's frame."""
+        return self.mapping.map if self.mapping else PointCloud(np.zeros((0, 3)), np.zeros(0))
+
+    @property
+    def stamps(self) -> Array:
+        """(N,) seconds."""
+        return np.array([record.stamp for record in self.records])
+
+    @property
+    def ground_truth(self) -> Array | None:
+        """(N, 4, 4) of the same frames, NaN where unknown, or None."""
+        return self.source.ground_truth
+
+    def counts(self) -> dict[str, int]:
+        """Frames by their status, and problems by their kind."""
+        statuses = Counter(record.status for record in self.records)
+        kinds = Counter(problem.kind for problem in self.problems)
+        known = {name: statuses[name] for name in ("registered", "retried", "failed")}
+        return {"frames": len(self.records), **known, **{kind.replace(" ", "_"): n for kind, n in kinds.items()}}
