@@ -130,3 +130,22 @@ def street_drive(tmp_path: Path, street_poses: Array, street_scans: list[Array])
         return folder
 
     return write
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str, dict[str, str]], None]:
+    """`installed("its-name", entry_points_txt, {"module.py": source})`: a package as pip would have installed it."""
+
+    def install(name: str, entry_points: str, files: dict[str, str]) -> None:
+        site = tmp_path / f"site-{name}"
+        about = site / f"{name.replace('-', '_')}-1.0.dist-info"
+        about.mkdir(parents=True)
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (about / "entry_points.txt").write_text(entry_points)
+        for file, source in files.items():
+            (site / file).parent.mkdir(parents=True, exist_ok=True)
+            (site / file).write_text(source)
+            monkeypatch.delitem(sys.modules, file.partition("/")[0].removesuffix(".py"), raising=False)
+        monkeypatch.syspath_prepend(str(site))
+
+    return install

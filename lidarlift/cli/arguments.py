@@ -1,4 +1,4 @@
-"""What users type, checked before any work begins."""
+"""The arguments that several commands share, and what users type checked before any work begins."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from slam.config import preset_names
 from slam.data.errors import InputError
 
 
@@ -21,6 +22,13 @@ class Enricher(StrEnum):
     F2L = "f2l"
 
 
+DatasetArgument = Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")]
+SequenceOption = Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")]
+FramesOption = Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")]
+SensorOption = Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML file with the beams.")]
+ConfigOption = Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")]
+SetOption = Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")]
+StrictOption = Annotated[bool, typer.Option("--strict", help="Stop at the first damaged file instead of going on.")]
 EnricherOption = Annotated[
     Enricher | None,
     typer.Option(

@@ -8,9 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lidarlift.cli.arguments import EnricherOption, frame_slice, require_writable
+from lidarlift.cli.arguments import (
+    ConfigOption,
+    DatasetArgument,
+    EnricherOption,
+    FramesOption,
+    SensorOption,
+    SequenceOption,
+    SetOption,
+    StrictOption,
+    frame_slice,
+    require_writable,
+)
 from lidarlift.running import input_name, run_into
-from slam.config import load_config, preset_names
+from slam.config import load_config
 
 if TYPE_CHECKING:
     from slam.data.dataset import Dataset
@@ -21,17 +32,15 @@ TRAINING_FREE = "ray-segment"  # an enricher, and its row
 
 
 def compare(
-    dataset: Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")],
-    sequence: Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")] = None,
+    dataset: DatasetArgument,
+    sequence: SequenceOption = None,
     enricher: EnricherOption = None,
-    config: Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")] = None,
-    frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
-    sensor: Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML file with the beams.")] = None,
+    config: ConfigOption = None,
+    set_: SetOption = None,
+    frames: FramesOption = ":",
+    sensor: SensorOption = None,
     out: Annotated[Path | None, typer.Option(help="The folder for the runs. Default: runs/NAME-compared.")] = None,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Stop at the first damaged file instead of going on.")
-    ] = False,
+    strict: StrictOption = False,
 ) -> None:
     """Drive through a data set with 16 channels, with these enriched, and with 64, and compare: a run folder each.
 

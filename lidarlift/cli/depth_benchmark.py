@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from lidarlift.cli.arguments import frame_slice, require_writable
+from lidarlift.cli.arguments import FramesOption, SensorOption, SequenceOption, frame_slice, require_writable
 from lidarlift.cli.console import progress
 from slam.data.errors import InputError
 
@@ -27,9 +27,9 @@ def depth_benchmark(
     dataset: Annotated[
         Path, typer.Argument(help="A drive whose scans have rings, or KITTI's depth completion images with truth.")
     ],
-    sequence: Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")] = None,
-    frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
-    sensor: Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML file with the beams.")] = None,
+    sequence: SequenceOption = None,
+    frames: FramesOption = ":",
+    sensor: SensorOption = None,
     phase: Annotated[int, typer.Option(min=0, max=3, help="The first ring that is kept; then every fourth.")] = 0,
     method: Annotated[list[str] | None, typer.Option(help="Only this one; may be given several times.")] = None,
     out: Annotated[Path, typer.Option(help="The folder for the figures.")] = Path("runs/depth"),

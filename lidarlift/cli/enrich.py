@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarlift.cli.arguments import EnricherOption, frame_slice, require_writable
+from lidarlift.cli.arguments import (
+    ConfigOption,
+    DatasetArgument,
+    EnricherOption,
+    FramesOption,
+    SensorOption,
+    SequenceOption,
+    frame_slice,
+    require_writable,
+)
 from lidarlift.cli.console import progress
 from lidarlift.front_ends import front_end_for
 from slam.config import load_config
@@ -25,17 +34,17 @@ class Format(StrEnum):
 
 
 def enrich(
-    dataset: Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")],
+    dataset: DatasetArgument,
     out: Annotated[Path, typer.Option(help="The folder for the clouds, one a scan, named as the scans are numbered.")],
-    sequence: Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")] = None,
+    sequence: SequenceOption = None,
     format: Annotated[
         Format, typer.Option(help="bin: x y z intensity, as KITTI; pcd and ply: ring, sigma and measured as well.")
     ] = Format.PCD,
     enricher: EnricherOption = None,
-    config: Annotated[str | None, typer.Option(help="A YAML file with settings.")] = None,
+    config: ConfigOption = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: front_end.coverage=0.8")] = None,
-    frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
-    sensor: Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML file with the beams.")] = None,
+    frames: FramesOption = ":",
+    sensor: SensorOption = None,
 ) -> None:
     """Write the scans of 16 rings, with the rest of about 64 filled in; each point with its sigma.
 

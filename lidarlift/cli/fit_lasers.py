@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarlift.cli.arguments import frame_slice, require_writable
+from lidarlift.cli.arguments import FramesOption, SequenceOption, frame_slice, require_writable
 from lidarlift.cli.console import messages, progress
 from slam.data.errors import InputError
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 def fit_lasers(
     dataset: Annotated[Path, typer.Argument(help="A KITTI raw folder, or a folder of raw scans.")],
-    sequence: Annotated[str | None, typer.Option(help="Which drive, where the folder has several.")] = None,
+    sequence: SequenceOption = None,
     rings: Annotated[
         int | None,
         typer.Option(min=2, help="How many lasers the sensor has. Default: what the data set or most scans say."),
     ] = None,
-    frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
+    frames: FramesOption = ":",
     out: Annotated[Path, typer.Option(help="The file to write; it must not exist yet.")] = Path("sensor.yaml"),
 ) -> None:
     """Fit elevation and height of each laser to raw scans, for a sensor.yaml: place it beside the scans.

@@ -8,9 +8,19 @@ from typing import Annotated, Any
 
 import typer
 
-from lidarlift.cli.arguments import EnricherOption, frame_slice
+from lidarlift.cli.arguments import (
+    ConfigOption,
+    DatasetArgument,
+    EnricherOption,
+    FramesOption,
+    SensorOption,
+    SequenceOption,
+    SetOption,
+    StrictOption,
+    frame_slice,
+)
 from lidarlift.running import run_into
-from slam.config import load_config, preset_names
+from slam.config import load_config
 from slam.data.errors import InputError
 
 
@@ -21,25 +31,23 @@ class Input(StrEnum):
 
 
 def run(
-    dataset: Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")],
-    sequence: Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")] = None,
+    dataset: DatasetArgument,
+    sequence: SequenceOption = None,
     input: Annotated[
         Input | None,
         typer.Option(help="64: the scan as recorded; 16: rings dropped; enriched: 16, the rest filled in."),
     ] = None,
     enricher: EnricherOption = None,
-    config: Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")] = None,
-    frames: Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")] = ":",
-    sensor: Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML file with the beams.")] = None,
+    config: ConfigOption = None,
+    set_: SetOption = None,
+    frames: FramesOption = ":",
+    sensor: SensorOption = None,
     odometry: Annotated[
         Path | None,
         typer.Option(help="LiDAR poses of another odometry instead, one a scan, KITTI or TUM format."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The run folder. Default: runs/NAME-INPUT.")] = None,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Stop at the first damaged file instead of going on.")
-    ] = False,
+    strict: StrictOption = False,
 ) -> None:
     """Drive through a data set: trajectory, map, and ATE, RPE and drift where there is ground truth.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from lidarlift.cli.arguments import frame_slice, require_writable
+from lidarlift.cli.arguments import SequenceOption, frame_slice, require_writable
 from lidarlift.cli.console import messages, progress
 from slam.data.errors import InputError
 
@@ -28,7 +28,6 @@ study = typer.Typer(
     """,
 )
 Drive = Annotated[Path, typer.Argument(help="A drive with a camera; of a simulated one the exact depth is used too.")]
-Which = Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")]
 Frames = Annotated[str | None, typer.Option(help=f"FROM:TO or FROM:TO:STEP. Default: {FRAMES} over the whole drive.")]
 Out = Annotated[Path, typer.Option(help="The folder for figures and picture.")]
 
@@ -53,7 +52,7 @@ EDGES: Columns = (
 
 @study.command()
 def sparsity(
-    dataset: Drive, sequence: Which = None, frames: Frames = None, out: Out = Path("runs/study-sparsity")
+    dataset: Drive, sequence: SequenceOption = None, frames: Frames = None, out: Out = Path("runs/study-sparsity")
 ) -> None:
     """How much of a depth image few coefficients of its cosine transform keep, above all of its discontinuities.
 
@@ -67,7 +66,9 @@ def sparsity(
 
 
 @study.command()
-def edges(dataset: Drive, sequence: Which = None, frames: Frames = None, out: Out = Path("runs/study-edges")) -> None:
+def edges(
+    dataset: Drive, sequence: SequenceOption = None, frames: Frames = None, out: Out = Path("runs/study-edges")
+) -> None:
     """How many edges of the image lie on depth discontinuities, and how many discontinuities have an edge.
 
     Example: `lidarlift study edges kitti/sequences/04 --frames ::5 --out runs/edges-04`
