@@ -1,33 +1,86 @@
-"""Which front end a configuration asks for: here slam and the enrichment meet."""
+"""Settings and front end of a run, by what the caller asks for and the LiDAR has. Here slam and enrichment meet."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from slam.config import load_config
 from slam.data.errors import InputError
+from slam.settings import Config
 
 if TYPE_CHECKING:
-    from slam.data.dataset import Dataset
+    from slam.data.sensor import Sensor
     from slam.front_end import FrontEnd
     from slam.settings import FrontEndSettings
 
+FEW_RINGS = 16  # a sensor that has no more is taken as it is
 
-def front_end_for(settings: FrontEndSettings, data: Dataset) -> FrontEnd:
-    """The rings that are there, or, for input enriched, what fills them in. Raises InputError as `RingFrontEnd` does,
-    and where nobody knows the laser lines that are to be filled in."""
+
+def settings_for(
+    sensor: Sensor | None,
+    input: str | None = None,
+    enricher: str | None = None,
+    config: Config | str | Path | None = None,
+    overrides: Sequence[str] = (),
+) -> Config:
+    """The settings of a run.
+
+    Args:
+        sensor: The LiDAR, None where it is unknown.
+        input: '64' (as recorded), '16' or 'enriched'; by default as recorded.
+        enricher: The method that fills in, for input 'enriched'.
+        config: A preset's name, a YAML file, or settings that are complete already.
+        overrides: Single settings, as in 'odometry.voxel_size=1.0'.
+
+    Raises:
+        InputError: The sensor does not have what is asked for, or as `load_config`.
+        ValueError: Complete settings and others beside them are given.
+    """
+    if isinstance(config, Config):
+        if input or enricher or overrides:
+            raise ValueError("config holds all settings already; leave input, enricher and overrides out")
+        return config
+    few = sensor is not None and sensor.ring_count <= FEW_RINGS
+    if few and input == "64":
+        raise InputError(f"the sensor {sensor.name if sensor else ''} has no 64 rings; leave --input out")
+    settings = load_config(config, overrides, input=input or ("16" if few else None), enricher=enricher)
+    if enricher and settings.front_end.input != "enriched":
+        raise InputError(f"--enricher {enricher}: nothing is filled in here; add --input enriched")
+    return settings
+
+
+def front_end_for(settings: FrontEndSettings, sensor: Sensor | None, name: object) -> FrontEnd:
+    """The front end that the settings ask for: the rings that are there, or what fills them in.
+
+    Args:
+        settings: Of the front end.
+        sensor: The LiDAR, None where it is unknown.
+        name: Of the data set, for messages.
+
+    Raises:
+        InputError: As `RingFrontEnd`; or the scans are to be enriched and the laser lines are unknown.
+    """
     from slam.front_end import RingFrontEnd
 
-    measured = RingFrontEnd(settings, data.sensor)
+    measured = RingFrontEnd(settings, sensor)
     if settings.input != "enriched":
         return measured
-    if data.sensor is None:
+    if sensor is None:
         raise InputError(
-            f"{data.path}: to enrich its scans the laser lines have to be known; "
+            f"{name}: to enrich its scans the laser lines have to be known; "
             "name the LiDAR: --sensor hdl64, --sensor vlp16 or --sensor FILE.yaml with its beams"
         )
     from enrichment.enricher import Enricher
     from enrichment.methods.registry import METHODS
 
-    target = data.sensor if data.sensor.ring_count == 64 else None
+    target = sensor if sensor.ring_count == 64 else None
     method = METHODS[settings.enricher]()
     return Enricher(measured, method, *measured.lines(), target, coverage=settings.coverage)
+
+
+def input_name(settings: Config) -> str:
+    """Of a configuration, for people."""
+    front_end = settings.front_end
+    return f"enriched by {front_end.enricher}" if front_end.input == "enriched" else f"{front_end.input} channels"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -48,10 +47,3 @@ def frame_slice(text: str) -> slice:
     except ValueError as error:
         raise InputError(f"--frames {text}: write FROM:TO or FROM:TO:STEP, as in 0:50 or ::2") from error
     return slice(*parts)
-
-
-def require_writable(folder: Path) -> None:
-    """Raise InputError where `folder` is none or cannot be made; nothing is made yet."""
-    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not existing.is_dir() or not os.access(existing, os.W_OK):
-        raise InputError(f"{folder}: {existing} is no folder that can be written to; choose another")

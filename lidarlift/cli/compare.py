@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,17 +18,12 @@ from lidarlift.cli.arguments import (
     SetOption,
     StrictOption,
     frame_slice,
-    require_writable,
 )
-from lidarlift.running import input_name, run_into
-from slam.config import load_config
+from lidarlift.cli.console import Console
+from lidarlift.comparing import compare_into, inputs_of, rows_for, title_of
 
 if TYPE_CHECKING:
-    from slam.data.dataset import Dataset
-    from slam.settings import Config
-
-INPUTS = ("16", "enriched", "64")
-TRAINING_FREE = "ray-segment"  # an enricher, and its row
+    from eval.compare import Comparison
 
 
 def compare(
@@ -52,65 +47,17 @@ def compare(
 
     data = open_dataset(dataset, sequence, sensor)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
-
-    rows = rows_for(inputs_of(data), enricher and enricher.value, config, set_ or ())
-    compare_into(folder, data, rows, frame_slice(frames), strict=strict)
-
-
-def inputs_of(data: Dataset) -> Sequence[str]:
-    """What there is to compare: a sensor of 16 rings or fewer has no 64, one of another number no 16."""
-    rings = 64 if data.sensor is None else data.sensor.ring_count
-    return [name for name in INPUTS if name == "enriched" or (name == "16" and rings in (*range(17), 64)) or rings > 16]
+    rows, chosen = rows_for(inputs_of(data), enricher and enricher.value, config, set_ or ()), frame_slice(frames)
+    comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)
+    print_comparison(comparison, title_of(data, rows, chosen), folder, rows)
 
 
-def rows_for(
-    inputs: Sequence[str], enricher: str | None = None, source: str | None = None, overrides: Sequence[str] = ()
-) -> dict[str, Config]:
-    """The configuration of each row: the inputs, and ray-segment before another enricher, if that can run here.
+def print_comparison(comparison: Comparison, title: str, folder: Path, rows: Iterable[str]) -> None:
+    """The tables on stdout, and which files there are."""
+    from eval.tables import format_comparison
 
-    Raises InputError as `load_config` does.
-    """
-    from enrichment.methods.registry import runnable
-
-    rows = {}
-    for channels in inputs:
-        settings = load_config(source, overrides, input=channels, enricher=enricher)
-        if channels == "enriched" and settings.front_end.enricher in set(runnable()) - {TRAINING_FREE}:
-            rows[TRAINING_FREE] = load_config(source, overrides, input=channels, enricher=TRAINING_FREE)
-        rows[channels] = settings
-    return rows
-
-
-def compare_into(
-    folder: Path,
-    data: Dataset,
-    rows: Mapping[str, Config],
-    frames: slice = slice(None),
-    *,
-    name: str | None = None,
-    strict: bool = False,
-) -> dict[str, Any]:
-    """A run folder for each row, compare.json and compare.md beside them, and the table on stdout.
-
-    Raises InputError as `run_into` does, and before any work where a folder cannot be written.
-    """
-    from eval.compare import compare_runs
-    from eval.evaluation import write_json
-    from eval.tables import comparison_markdown, format_comparison
-    from slam.data.atomic import write_text
-
-    folders = {row: folder / row for row in rows}
-    for each in folders.values():
-        require_writable(each)
-    for row, settings in rows.items():
-        run_into(folders[row], data, settings, frames, name=name, strict=strict)
-    comparison = compare_runs(folders)
-    write_json(folder / "compare.json", comparison)
-    title = f"{name or data.name}, {len(range(len(data))[frames])} frames, {input_name(rows['enriched'])}"
-    write_text(folder / "compare.md", comparison_markdown(comparison, title))
     print(f"\n{title}\n")
     print(format_comparison(comparison))
-    for each in folders.values():
-        print(f"{each}: map.pcd, map.png, trajectory_tum.txt (and _kitti), trajectory.png, loops.csv, metrics.json")
+    for row in rows:
+        print(f"{folder / row}: map.pcd, map.png, trajectory_tum.txt (and _kitti), trajectory.png, loops.csv, metrics.json")
     print(f"{folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")
-    return comparison

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
-from rich.console import Console
+from rich import console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-messages = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+from lidarlift.reporting import Reporter
+
+messages = console.Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 
 @contextmanager
@@ -29,3 +31,13 @@ def progress(title: str, total: int) -> Iterator[Callable[[], None]]:
             bar.update(task, advance=1, rate=f"{speed:.1f}" if speed else "-")
 
         yield advance
+
+
+class Console(Reporter):
+    """Progress bars and notes on stderr."""
+
+    def progress(self, title: str, total: int) -> AbstractContextManager[Callable[[], None]]:
+        return progress(title, total)
+
+    def note(self, message: str) -> None:
+        messages.print(f"Note: {message}", style="yellow", markup=False)

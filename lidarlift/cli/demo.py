@@ -9,12 +9,13 @@ from typing import Annotated
 
 import typer
 
-from lidarlift.cli.arguments import require_writable
-from lidarlift.cli.compare import INPUTS, compare_into, rows_for
-from lidarlift.cli.console import messages, progress
+from slam.data.atomic import require_writable
+from lidarlift.cli.compare import print_comparison
+from lidarlift.cli.console import Console, messages, progress
+from lidarlift.comparing import INPUTS, compare_into, rows_for, title_of
 from slam.data.errors import InputError
 
-QUICK = 100  # frames
+QUICK, NAME = 100, "Simulated loop"  # frames of the drive
 
 
 def demo(
@@ -36,7 +37,8 @@ def demo(
         "and with all as they were measured."
     )
     data = open_dataset(town)
-    compare_into(out, data, rows, slice(count), name="Simulated loop")
+    comparison = compare_into(out, data, rows, slice(count), Console(), name=NAME)
+    print_comparison(comparison, title_of(data, rows, slice(count), NAME), out, rows)
     print("Your own drive: lidarlift compare path/to/drive, or lidarlift run path/to/drive")
 
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from lidarlift.cli.arguments import FramesOption, SensorOption, SequenceOption, frame_slice, require_writable
+from lidarlift.cli.arguments import FramesOption, SensorOption, SequenceOption, frame_slice
 from lidarlift.cli.console import progress
+from slam.data.atomic import require_writable
 from slam.data.errors import InputError
 
 if TYPE_CHECKING:

@@ -19,9 +19,8 @@ from lidarlift.cli.arguments import (
     require_writable,
 )
 from lidarlift.cli.console import progress
-from lidarlift.front_ends import front_end_for
-from slam.config import load_config
-from slam.data.errors import InputError
+from lidarlift.enriching import enrich as enriched
+from slam.data.atomic import require_writable
 
 if TYPE_CHECKING:
     from slam.data.cloud import PointCloud
@@ -53,25 +52,17 @@ def enrich(
     Of 64-ring scans every fourth ring is taken (front_end.phase, front_end.drop); of other sensors all. The clouds are
     as recorded: neither deskewed nor vertically corrected.
     """
-    from slam.data.dataset import open_dataset
-
     require_writable(out)
-    data = open_dataset(dataset, sequence, sensor)
-    settings = load_config(config, set_ or (), input="enriched", enricher=enricher and enricher.value).front_end
-    front_end = front_end_for(settings, data)
-    positions = range(len(data))[frame_slice(frames)]
-    if len(positions) == 0:
-        raise InputError(f"{data.path}: no frames in that range; the drive has {len(data)}, from 0")
-    measured = total = empty = 0
-    with progress(f"{data.name}, enriched", len(positions)) as advance:
-        for position in positions:
-            frame = data[position]
-            cloud = front_end(frame, ())
+    data, chosen = open_dataset(dataset, sequence, sensor), frame_slice(frames)
+    dense = enriched(data, enricher=enricher and enricher.value, config=config, overrides=set_ or (), frames=chosen)
+    measured = total = done = empty = 0
+    with progress(f"{data.name}, enriched", len(range(len(data))[chosen])) as advance:
+        for frame, cloud in dense:
             if len(cloud):
                 _write(out / f"{frame.index:06d}.{format.value}", cloud)
-            measured, total, empty = measured + int(cloud.measured.sum()), total + len(cloud), empty + (not len(cloud))
+            done, empty = done + (len(cloud) > 0), empty + (len(cloud) == 0)
+            measured, total = measured + int(cloud.measured.sum()), total + len(cloud)
             advance()
-    done = len(positions) - empty
     print(f"{done} scans: {measured // max(done, 1):,} measured points a scan became {total // max(done, 1):,}")
     if empty:
         print(f"{empty} scans were empty or damaged and have no file")

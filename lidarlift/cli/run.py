@@ -19,9 +19,9 @@ from lidarlift.cli.arguments import (
     StrictOption,
     frame_slice,
 )
+from lidarlift.cli.console import Console
+from lidarlift.front_ends import settings_for
 from lidarlift.running import run_into
-from slam.config import load_config
-from slam.data.errors import InputError
 
 
 class Input(StrEnum):
@@ -53,26 +53,21 @@ def run(
 
     Example: `lidarlift run kitti/sequences/04 --frames 0:50 --set odometry.voxel_size=1.25 --out runs/04`
     """
-    from eval.tables import format_table
+    from eval.tables import format_metrics
     from slam.data.dataset import open_dataset
     from slam.session import read_report
 
     data = open_dataset(dataset, sequence, sensor)
-    few_rings = data.sensor is not None and data.sensor.ring_count <= 16
-    if few_rings and input is Input.SIXTY_FOUR:
-        raise InputError(f"{dataset}: its sensor has no 64 rings; leave --input out")
-    channels = input.value if input else "16" if few_rings else None
-    settings = load_config(config, set_ or (), input=channels, enricher=enricher and enricher.value)
-    if enricher and settings.front_end.input != "enriched":
-        raise InputError(f"--enricher {enricher.value}: nothing is filled in here; add --input enriched")
-    folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{settings.front_end.input}"
-
-    metrics = run_into(folder, data, settings, frame_slice(frames), odometry=odometry, strict=strict)
+    chosen = settings_for(data.sensor, input and input.value, enricher and enricher.value, config, set_ or ())
+    folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
+    _, metrics = run_into(
+        folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict
+    )
     report = read_report(folder)
     print(_summary(report))
     if metrics:
-        closed = ["slam", "odometry"] if report["loops"]["accepted"] else ["odometry"]  # equal without loops
-        print(format_table({name: metrics[name] for name in closed}, metrics["protocol"]))
+        closed = {"slam": metrics.slam} if report["loops"]["accepted"] else {}  # equal without loops
+        print(format_metrics({**closed, "odometry": metrics.odometry}))
     else:
         print("No ground truth: no ATE, RPE or drift.")
     print(f"Written to {folder}: {', '.join(sorted(file.name for file in folder.iterdir()))}")

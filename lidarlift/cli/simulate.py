@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from lidarlift.cli.arguments import require_writable
+from slam.data.atomic import require_writable
 from lidarlift.cli.console import progress
 
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from lidarlift.cli.arguments import SequenceOption, frame_slice, require_writable
+from lidarlift.cli.arguments import SequenceOption, frame_slice
 from lidarlift.cli.console import messages, progress
+from slam.data.atomic import require_writable
 from slam.data.errors import InputError
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarlift.cli.arguments import require_writable
+from slam.data.atomic import require_writable
 from lidarlift.cli.console import messages, progress
 from slam.data.errors import InputError
 

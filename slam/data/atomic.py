@@ -28,6 +28,13 @@ def written_beside(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def require_writable(folder: Path) -> None:
+    """Raise InputError where `folder` is none or cannot be made; nothing is made yet."""
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not existing.is_dir() or not os.access(existing, os.W_OK):
+        raise InputError(f"{folder}: {existing} is no folder that can be written to; choose another")
+
+
 def write_text(path: Path, text: str) -> None:
     """Text to a file, whole or not at all."""
     with written_beside(path) as temporary:

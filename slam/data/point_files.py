@@ -48,6 +48,24 @@ def read_points(path: Path) -> Points:
         points = Points(xyz, intensity, problems=problems)
     else:
         points = _from_npy(path) if suffix == ".npy" else _from_open3d(path)
+    return _sound(points, path)
+
+
+def points_of(table: Array, name: Path) -> Points:
+    """The sound points of an array in memory, as `read_points` has them of a file.
+
+    Args:
+        table: (N, 3) x y z or (N, 4) x y z intensity; or a structured array with fields x, y, z and, by any of the
+            names that drivers use (`NAMES`), intensity, ring and time.
+        name: What to call it in messages.
+
+    Raises:
+        InputError: The array is of another shape or has other fields.
+    """
+    return _sound(_from_table(table, name), name)
+
+
+def _sound(points: Points, path: Path) -> Points:
     sound, found = sound_points(path, points.xyz)
     kept = sound & points.xyz.any(axis=1)
     columns = {field.name: getattr(points, field.name) for field in fields(points) if field.name != "problems"}
@@ -75,6 +93,10 @@ def _from_npy(path: Path) -> Points:
             text = f"{path}: holds Python objects, which are not read; save a plain array: np.save(file, points)"
             raise InputError(text) from error
         return _unreadable(path, "damaged, or not an .npy file")
+    return _from_table(table, path)
+
+
+def _from_table(table: Array, path: Path) -> Points:
     if table.dtype.names:
         columns = {name.lower(): table[name].ravel() for name in table.dtype.names}
         if not {"x", "y", "z"} <= set(columns):

@@ -1,0 +1,58 @@
+"""A drive's scans with what lies between their rings filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lidarlift.front_ends import front_end_for
+from slam.config import load_config
+
+if TYPE_CHECKING:
+    from slam.data.cloud import Frame, PointCloud
+    from slam.data.dataset import Dataset
+
+
+def enrich(
+    dataset: Dataset | str | Path,
+    *,
+    sequence: str | None = None,
+    sensor: str | Path | None = None,
+    enricher: str | None = None,
+    config: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    frames: slice = slice(None),
+) -> Iterator[tuple[Frame, PointCloud]]:
+    """Fill in the scans of a drive, one after the other.
+
+    Of 64-ring scans every fourth ring is taken (front_end.phase, front_end.drop); of other sensors all.
+
+    Args:
+        dataset: A data set, or what `open_dataset` takes: with `sequence` and `sensor`.
+        sequence: Which sequence or drive, where the folder has several.
+        sensor: The LiDAR's name or a YAML file with its beams, where the folder does not say.
+        enricher: The method, such as 'ray-segment', which needs no training, or 'lift', our network, the default.
+        config: A preset's name or a YAML file.
+        overrides: Single settings, as in 'front_end.coverage=0.8'.
+        frames: Positions in the data set, as in a list's slice.
+
+    Yields:
+        Each frame with its cloud on about 64 virtual beams, as recorded: neither deskewed nor vertically corrected.
+        `measured` tells returns from predictions, and `sigma` how sure these are [m].
+
+    Raises:
+        InputError: No frames are left, or the laser lines are unknown: at once, before anything is yielded.
+
+    Example:
+        >>> for frame, cloud in lidarlift.enrich("my_drive", sensor="vlp16", enricher="ray-segment"):
+        ...     print(frame.index, len(cloud), cloud.sigma[~cloud.measured].mean())
+    """
+    from slam.data.dataset import open_dataset
+    from slam.pipeline import source_of
+
+    data = open_dataset(dataset, sequence, sensor) if isinstance(dataset, str | Path) else dataset
+    settings = load_config(config, overrides, input="enriched", enricher=enricher).front_end
+    front_end = front_end_for(settings, data.sensor, data.path)
+    positions = source_of(data, frames).positions or range(0)
+    return ((frame, front_end(frame, ())) for frame in (data[position] for position in positions))

@@ -1,0 +1,127 @@
+"""SLAM on a LiDAR as it delivers scans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from lidarlift.front_ends import front_end_for, settings_for
+from slam import pipeline
+from slam.data.cloud import Array, Calibration, Frame, PointCloud
+from slam.data.errors import InputError
+from slam.data.folder import to_cloud
+from slam.data.point_files import points_of
+from slam.data.sensor import load_sensor
+from slam.run import FrameRecord, Run, Source
+from slam.settings import Config
+
+NAME = "live"
+
+
+class Slam:
+    """LiDAR SLAM fed scan by scan.
+
+    Pose, covariance and status of a scan are there at once. Keyframes, loop closures and the pose graph follow in a
+    thread of their own; `trajectory` has what they say so far, `finish` judges all loops together and builds the map.
+    `lidarlift.run` feeds the same object from a data set.
+
+    Use it in a `with` statement, so that an exception stops the thread.
+
+    Args:
+        sensor: A built-in LiDAR ('hdl64', 'vlp16') or a YAML file with its beams. Needed for input 'enriched'.
+        input: '64', scans as they come; '16', rings dropped; 'enriched', the rest of about 64 filled in. By default as
+            they come.
+        enricher: The method of enrichment: 'ray-segment' takes some milliseconds and needs no camera.
+        calibration: The camera beside the LiDAR, for images that are added: the map is coloured, methods may use them.
+        config: A preset's name, a YAML file, or the result of `load_config`.
+        overrides: Single settings, as in 'odometry.voxel_size=1.0'.
+        sweeps_per_second: How fast the LiDAR turns.
+
+    Raises:
+        InputError: The sensor does not have what is asked for, or a setting makes no sense.
+
+    Example:
+        >>> with lidarlift.Slam(sensor="vlp16", input="enriched", enricher="ray-segment") as slam:
+        ...     for stamp, points in scans:  # (N, 4) x y z intensity, metres
+        ...         step = slam.add(points, stamp)
+        ...         print(step.status, step.pose[:3, 3])
+        ...     run = slam.finish()
+        >>> lidarlift.save_run(run, "runs/live")
+    """
+
+    def __init__(
+        self,
+        sensor: str | Path | None = None,
+        *,
+        input: str | None = None,
+        enricher: str | None = None,
+        calibration: Calibration | None = None,
+        config: Config | str | Path | None = None,
+        overrides: Sequence[str] = (),
+        sweeps_per_second: float = 10.0,
+    ) -> None:
+        if not sweeps_per_second > 0:
+            raise InputError(f"sweeps_per_second: {sweeps_per_second} makes no sense; spinning LiDARs turn 5 to 20 times")
+        self._sensor = None if sensor is None else load_sensor(sensor)
+        settings = settings_for(self._sensor, input, enricher, config, overrides)
+        self._slam = pipeline.Slam(
+            settings,
+            front_end_for(settings.front_end, self._sensor, NAME),
+            source=Source(NAME, sensor=self._sensor, calibration=calibration),
+            sweep_duration=1 / sweeps_per_second,
+        )
+
+    def __enter__(self) -> Self:
+        self._slam.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._slam.__exit__(kind, value, trace)
+
+    def add(self, points: Array | PointCloud, stamp: float, image: Array | None = None) -> FrameRecord:
+        """Register the next scan.
+
+        Args:
+            points: In the sensor's frame (x forward, y left, z up), metres: (N, 3) x y z, (N, 4) with intensity, or a
+                structured array, as drivers deliver it, with fields x, y, z and, where there are, intensity, ring and
+                time. Without a ring field, rings are taken from the sensor's laser lines. Or a cloud that is ready.
+            stamp: Seconds, of the middle of the sweep.
+            image: (H, W, 3) uint8 RGB of the calibrated camera, nearest in time.
+
+        Returns:
+            Pose (4, 4) T_world_lidar, covariance and status, before any loop that this scan may close.
+
+        Raises:
+            InputError: The points are of another shape, lack fields, or have rings that the sensor does not have.
+        """
+        place = len(self._slam.result.records)
+        name = Path(f"scan {place}")
+        problems = ()
+        if isinstance(points, PointCloud):
+            cloud = points
+        else:
+            found = points_of(np.asarray(points), name)
+            cloud, problems = to_cloud(found, self._sensor, name), found.problems
+        calibration = self._slam.result.source.calibration
+        return self._slam.add(Frame(place, float(stamp), cloud, calibration, lambda: image, problems))
+
+    def trajectory(self) -> Array:
+        """(N, 4, 4) T_world_lidar of all scans so far, by the loops that are closed so far; the first is the identity.
+
+        Waits until the keyframes so far are searched for loops: a few scans' time. Nothing later changes by asking.
+        """
+        return self._slam.trajectory()
+
+    def finish(self) -> Run:
+        """Judge all loops together and build the map.
+
+        Returns:
+            The run, as `lidarlift.run` returns it; `save_run` writes it into a run folder.
+        """
+        return self._slam.finish()
