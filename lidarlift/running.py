@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lidarlift.cli.arguments import require_writable
 from lidarlift.cli.console import messages, progress
 from lidarlift.front_ends import front_end_for
 
 if TYPE_CHECKING:
+    from eval.metrics import RunMetrics
     from slam.data.dataset import Dataset
     from slam.data.problem import Problem
     from slam.settings import Config
@@ -25,7 +26,7 @@ def run_into(
     odometry: Path | None = None,
     name: str | None = None,
     strict: bool = False,
-) -> dict[str, Any] | None:
+) -> RunMetrics | None:
     """Write all files of a run folder, metrics.json and trajectory.png too; progress and problems go to stderr.
 
     `odometry` is a file of poses to take instead of our own. `name` of the drive is for progress and plot, by default

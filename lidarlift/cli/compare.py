@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -24,6 +24,7 @@ from lidarlift.running import input_name, run_into
 from slam.config import load_config
 
 if TYPE_CHECKING:
+    from eval.compare import Comparison
     from slam.data.dataset import Dataset
     from slam.settings import Config
 
@@ -89,7 +90,7 @@ def compare_into(
     *,
     name: str | None = None,
     strict: bool = False,
-) -> dict[str, Any]:
+) -> Comparison:
     """A run folder for each row, compare.json and compare.md beside them, and the table on stdout.
 
     Raises InputError as `run_into` does, and before any work where a folder cannot be written.
@@ -105,7 +106,7 @@ def compare_into(
     for row, settings in rows.items():
         run_into(folders[row], data, settings, frames, name=name, strict=strict)
     comparison = compare_runs(folders)
-    write_json(folder / "compare.json", comparison)
+    write_json(folder / "compare.json", comparison.as_dict())
     title = f"{name or data.name}, {len(range(len(data))[frames])} frames, {input_name(rows['enriched'])}"
     write_text(folder / "compare.md", comparison_markdown(comparison, title))
     print(f"\n{title}\n")

@@ -53,7 +53,7 @@ def run(
 
     Example: `lidarlift run kitti/sequences/04 --frames 0:50 --set odometry.voxel_size=1.25 --out runs/04`
     """
-    from eval.tables import format_table
+    from eval.tables import format_metrics
     from slam.data.dataset import open_dataset
     from slam.session import read_report
 
@@ -71,8 +71,8 @@ def run(
     report = read_report(folder)
     print(_summary(report))
     if metrics:
-        closed = ["slam", "odometry"] if report["loops"]["accepted"] else ["odometry"]  # equal without loops
-        print(format_table({name: metrics[name] for name in closed}, metrics["protocol"]))
+        closed = {"slam": metrics.slam} if report["loops"]["accepted"] else {}  # equal without loops
+        print(format_metrics({**closed, "odometry": metrics.odometry}))
     else:
         print("No ground truth: no ATE, RPE or drift.")
     print(f"Written to {folder}: {', '.join(sorted(file.name for file in folder.iterdir()))}")
