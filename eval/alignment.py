@@ -29,10 +29,18 @@ def as_evo(poses: Array) -> Any:
 
 
 def associate(stamps: Array, reference_stamps: Array) -> tuple[Array, Array]:
-    """Indices (K,) into both lists of poses whose stamps [s] agree within 0.01 s, as evo pairs them.
+    """Which poses belong together: those whose stamps agree within 0.01 s, as evo pairs them.
 
-    >>> associate(np.array([0.0, 0.1, 0.2]), np.array([0.104, 0.2, 0.3]))
-    (array([1, 2]), array([0, 1]))
+    Args:
+        stamps: Of the estimate's poses (N,) [s], rising.
+        reference_stamps: Of the reference's poses (M,) [s], rising, by the same clock.
+
+    Returns:
+        Indices (K,) into the estimate and (K,) into the reference.
+
+    Example:
+        >>> associate(np.array([0.0, 0.1, 0.2]), np.array([0.104, 0.2, 0.3]))
+        (array([1, 2]), array([0, 1]))
     """
     from evo.core.sync import matching_time_indices
 
@@ -50,12 +58,19 @@ def nearest_rotation(M: Array) -> Array:
 
 
 def umeyama(estimate: Array, reference: Array) -> tuple[Array, bool]:
-    """T (4, 4) with the least sum |g_i - T p_i|^2 over the positions of poses (N, 4, 4), and whether it is unique.
+    """The rigid motion T with the least sum |g_i - T p_i|^2 over the positions p of the estimate, g of the reference.
 
-    Umeyama, "Least-squares estimation of transformation parameters between two point patterns", PAMI 1991, without
-    scale, by evo. On a standing or exactly straight trajectory the covariance has rank 0 or 1 and evo refuses
+    Definition: Umeyama, "Least-squares estimation of transformation parameters between two point patterns", PAMI 1991,
+    without scale, by evo. On a standing or exactly straight trajectory the covariance has rank 0 or 1 and evo refuses
     (GeometryException): the residual is still well defined, the rotation is not. Then the same minimum is taken with
-    the orientations as a vanishing second term, and the flag is False.
+    the orientations as a vanishing second term.
+
+    Args:
+        estimate: Poses (N, 4, 4) [m].
+        reference: Poses (N, 4, 4) [m] of the same body at the same instants.
+
+    Returns:
+        T (4, 4), which maps the estimate's world into the reference's, and whether it is unique.
     """
     from evo.core.geometry import GeometryException, umeyama_alignment
 
@@ -74,11 +89,21 @@ def umeyama(estimate: Array, reference: Array) -> tuple[Array, bool]:
 
 
 def alignment_transform(estimate: Array, reference: Array, alignment: Alignment) -> tuple[Array, bool]:
-    """T (4, 4) to put before each pose of the estimate (N, 4, 4), and whether it is unique.
+    """The rigid motion that lays an estimate over its reference.
 
-    aligned    SE(3) Umeyama over all positions, no scale
-    origin     the first pose, position and orientation, onto the reference's first pose
-    unaligned  identity
+    Args:
+        estimate: Poses (N, 4, 4) [m].
+        reference: Poses (N, 4, 4) [m] of the same body at the same instants.
+        alignment: "aligned": SE(3) Umeyama over all positions, no scale; "origin": the first pose, position and
+            orientation, onto the reference's first pose; "unaligned": identity.
+
+    Returns:
+        T (4, 4), to be put before each pose of the estimate, and whether it is unique.
+
+    Example:
+        >>> start = np.eye(4)[None]; moved = start.copy(); moved[0, :3, 3] = [5, 6, 7]
+        >>> alignment_transform(start, moved, "origin")[0][:3, 3]
+        array([5., 6., 7.])
     """
     if alignment == "aligned":
         return umeyama(estimate, reference)

@@ -21,10 +21,19 @@ MIN_SHARE = 0.8
 
 
 def body_frame(poses: Array) -> BodyFrame:
-    """The frame of poses (N, 4, 4), told from the axis along which the body moves: a vehicle drives forward.
+    """The frame of a vehicle's poses, told from the axis along which the body moves: a vehicle drives forward.
 
-    "lidar" if most of the motion between consecutive poses is along the body's x, "camera" if it is along z, "unknown"
-    if neither stands out or the body hardly moved.
+    Args:
+        poses: (N, 4, 4) [m], N >= 1.
+
+    Returns:
+        "lidar" if most of the motion between consecutive poses is along the body's x, "camera" if it is along z,
+        "unknown" if neither stands out or the body hardly moved.
+
+    Example:
+        >>> ahead = np.tile(np.eye(4), (5, 1, 1)); ahead[:, 0, 3] = range(5)
+        >>> body_frame(ahead), body_frame(ahead[:2])
+        ('lidar', 'unknown')
     """
     position = poses[:, :3, 3]
     if np.linalg.norm(position - position[0], axis=1).max() < MIN_DISTANCE:
@@ -37,15 +46,31 @@ def body_frame(poses: Array) -> BodyFrame:
 
 
 def into_lidar_frame(poses: Array, T_camera0_lidar: Array) -> Array:
-    """Camera-0 poses (N, 4, 4) in the first camera's axes -> LiDAR poses in the first LiDAR's: inv(Tr) P Tr."""
+    """Poses P of KITTI's camera 0 as poses of the LiDAR: inv(Tr) P Tr.
+
+    Args:
+        poses: Of camera 0 (N, 4, 4) [m], in the axes of the first.
+        T_camera0_lidar: Tr (4, 4), maps points of the LiDAR into camera 0.
+
+    Returns:
+        Poses of the LiDAR (N, 4, 4) [m], in the axes of the first.
+    """
     return se3.inverse(T_camera0_lidar) @ poses @ T_camera0_lidar
 
 
 def read_camera0_calibration(path: Path) -> Array:
-    """T_camera0_lidar (4, 4) from KITTI odometry's calib.txt (`Tr:`) or KITTI raw's calib_velo_to_cam.txt (`R:`, `T:`).
+    """Where the LiDAR is, seen from camera 0: KITTI odometry's calib.txt or KITTI raw's calib_velo_to_cam.txt.
 
     The raw file's camera 0 is the unrectified one; the odometry file's is rectified (they differ by under a degree).
-    Raises InputError where the file is missing or holds neither.
+
+    Args:
+        path: A file with the line `Tr:`, or the lines `R:` and `T:`.
+
+    Returns:
+        T_camera0_lidar (4, 4) [m], maps points of the LiDAR into camera 0.
+
+    Raises:
+        InputError: The file is missing, holds neither, or holds another pair of sensors.
     """
     from slam.data.files import matrix, read_keyed_numbers  # brings numba, which nothing else here needs
 
@@ -70,7 +95,7 @@ def read_camera0_calibration(path: Path) -> Array:
 
 
 def is_rotation(poses: Array, tolerance: float = 1e-2) -> bool:
-    """Whether the 3x3 parts of a pose (4, 4) or a stack (N, 4, 4) are rotations, up to a text file's rounding."""
+    """Whether the 3x3 parts of a pose (4, 4) or of poses (N, 4, 4) are rotations, up to a text file's rounding."""
     R = poses[..., :3, :3]
     orthonormal = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max() < tolerance
     return bool(orthonormal and (np.linalg.det(R) > 0).all())
@@ -81,8 +106,15 @@ def require_same_frame(
 ) -> None:
     """Refuse trajectories that are poses of different bodies; the metrics would mean nothing.
 
-    `names` are the files' names for the message; `calibrated_from` is the frame that the reference showed before
-    --calib brought it into the LiDAR frame, None without --calib. Raises InputError.
+    Args:
+        estimate: Poses (N, 4, 4) [m].
+        reference: Poses (M, 4, 4) [m].
+        names: Of the two files, for the message.
+        calibrated_from: The frame that the reference showed before --calib brought it into the LiDAR frame, None
+            without --calib.
+
+    Raises:
+        InputError: The frames of the two are known and differ, or --calib was given where it does not belong.
     """
     if calibrated_from == "lidar":
         raise InputError(

@@ -5,12 +5,15 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-from eval.evaluation import Metrics, evaluate
-from eval.trajectory import STATISTICS
+from eval.evaluation import evaluate_poses
+from eval.metrics import Metrics, RunMetrics
+from eval.trajectory import Statistics
+from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.pose_files import read_poses
 
@@ -29,65 +32,135 @@ PROTOCOL = {
 }
 
 
-def compare_runs(folders: Mapping[str, Path]) -> dict[str, Any]:
-    """What compare.json holds, for the run folder of each input ("16", "enriched", "64"): {"inputs", "protocol"}.
+@dataclass(frozen=True)
+class RunFigures:
+    """One run beside others; what needs ground truth is None without.
 
-    Each input has its figures, None where there is no ground truth or the drive is too short: `ate_m`, `rpe_m`,
-    `rpe_deg`, `drift_percent`, `drift_deg_per_100m` and `drift_name`, `to_64_m`, `path_m`, `frames`, `failed`, `loops`,
-    `map_points`, `points_per_scan`, `front_end_ms`, `odometry_ms`, the seven statistics of `table_iii_m`, and `notes`.
-    Raises InputError where a folder holds no whole run.
+    Attributes:
+        ate_m: ATE of the trajectory with loops closed, SE(3) Umeyama-aligned, rmse [m].
+        table_iii_m: The error in Table III of the paper [m].
+        rpe_m: RPE of the translation over consecutive frames, rmse [m].
+        rpe_deg: RPE of the rotation over consecutive frames, rmse [deg].
+        drift_percent: KITTI's translation drift [%], None too where no segment fits.
+        drift_deg_per_100m: KITTI's rotation drift [deg/100 m], None too where no segment fits.
+        drift_name: Which segments the drift is over.
+        notes: Sentences to be printed with the figures.
+        path_m: Length of the path found [m].
+        frames: How many scans were read.
+        failed: How many of them could not be registered.
+        loops: How many loops were closed.
+        map_points: How many points the map has.
+        points_per_scan: Median of the points that are handed to the odometry.
+        front_end_ms: Median of the time from the scan as read to these points [ms].
+        odometry_ms: Median of the time from these points to the pose [ms].
+        to_64_m: Rmse of positions between this odometry and that on 64 channels, SE(3) Umeyama-aligned [m]; None of
+            the run on 64 channels itself, and where there is none.
+    """
+
+    ate_m: float | None
+    table_iii_m: Statistics | None
+    rpe_m: float | None
+    rpe_deg: float | None
+    drift_percent: float | None
+    drift_deg_per_100m: float | None
+    drift_name: str | None
+    notes: tuple[str, ...]
+    path_m: float
+    frames: int
+    failed: int
+    loops: int
+    map_points: int
+    points_per_scan: int
+    front_end_ms: float
+    odometry_ms: float
+    to_64_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What compare.json holds.
+
+    Attributes:
+        inputs: The figures of each run by the name of its input: "16", "enriched", "64".
+        protocol: What each figure means, to be printed beside it.
+    """
+
+    inputs: Mapping[str, RunFigures]
+    protocol: Mapping[str, str]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "inputs": {name: asdict(figures) for name, figures in self.inputs.items()},
+            "protocol": dict(self.protocol),
+        }
+
+
+def compare_runs(folders: Mapping[str, Path]) -> Comparison:
+    """The figures of runs over the same drive beside each other.
+
+    Args:
+        folders: The run folder of each input ("16", "enriched", "64").
+
+    Returns:
+        A row an input, in their order.
+
+    Raises:
+        InputError: A folder holds no whole run.
     """
     inputs = {name: _figures(folder) for name, folder in folders.items()}
-    dense = _odometry(folders[DENSE]) if DENSE in folders else None
-    for name, folder in folders.items():
-        off = None if dense is None or name == DENSE else evaluate(_odometry(folder), dense)["ate"]["aligned"]["rmse"]
-        inputs[name]["to_64_m"] = off
-    segments = sorted({figures["drift_name"] for figures in inputs.values() if figures["drift_name"]})
+    if DENSE in folders:
+        dense = _odometry(folders[DENSE])
+        for name in inputs.keys() - {DENSE}:
+            off = evaluate_poses(_odometry(folders[name]), dense).ate.aligned.rmse
+            inputs[name] = replace(inputs[name], to_64_m=off)
+    segments = sorted({figures.drift_name for figures in inputs.values() if figures.drift_name})
     drift = "; ".join([PROTOCOL["drift"], *segments])
-    return {"inputs": inputs, "protocol": PROTOCOL | {"drift": drift}}
+    return Comparison(inputs, PROTOCOL | {"drift": drift})
 
 
-def _odometry(folder: Path) -> Any:
+def _odometry(folder: Path) -> Array:
     """Poses (N, 4, 4) before loops."""
     return read_poses(folder / "odometry_tum.txt")[1]
 
 
-def _figures(folder: Path) -> dict[str, Any]:
+def _figures(folder: Path) -> RunFigures:
     try:
         report = json.loads((folder / "run.json").read_text(encoding="utf-8"))
         metrics = folder / "metrics.json"
-        accuracy = _accuracy(json.loads(metrics.read_text(encoding="utf-8"))["slam"] if metrics.exists() else None)
+        found = RunMetrics.from_dict(json.loads(metrics.read_text(encoding="utf-8"))) if metrics.exists() else None
         with (folder / "timings.csv").open(encoding="utf-8") as file:
             points = [int(row["points"]) for row in csv.DictReader(file)]
         times = report["timings_ms"]
-        return accuracy | {
-            "path_m": report["path_length_m"],
-            "frames": report["counts"]["frames"],
-            "failed": report["counts"]["failed"],
-            "loops": report["loops"]["accepted"],
-            "map_points": report["map_points"],
-            "points_per_scan": round(median(points)),
-            "front_end_ms": times["front_end"]["median"],
-            "odometry_ms": times["odometry"]["median"],
-        }
+        return RunFigures(
+            **_accuracy(found.slam if found else None),
+            path_m=report["path_length_m"],
+            frames=report["counts"]["frames"],
+            failed=report["counts"]["failed"],
+            loops=report["loops"]["accepted"],
+            map_points=report["map_points"],
+            points_per_scan=round(median(points)),
+            front_end_ms=times["front_end"]["median"],
+            odometry_ms=times["odometry"]["median"],
+        )
     except (OSError, ValueError, TypeError, KeyError) as error:
         reason = f"{type(error).__name__}: {error}"
         raise InputError(f"{folder}: no whole run to compare ({reason}); run it again") from error
 
 
 def _accuracy(metrics: Metrics | None) -> dict[str, Any]:
-    """The figures against ground truth, from the entry `slam` of metrics.json."""
+    """The figures against ground truth."""
     if metrics is None:
-        names = ("table_iii_m", "ate_m", "rpe_m", "rpe_deg", "drift_percent", "drift_deg_per_100m", "drift_name")
-        return {**dict.fromkeys(names), "notes": ["no ground truth: no ATE, RPE or drift"]}
-    drift = metrics["drift"]
+        names = ("ate_m", "table_iii_m", "rpe_m", "rpe_deg", "drift_percent", "drift_deg_per_100m", "drift_name")
+        return {**dict.fromkeys(names), "notes": ("no ground truth: no ATE, RPE or drift",)}
+    drift = metrics.drift
     return {
-        "ate_m": metrics["ate"]["aligned"]["rmse"],
-        "table_iii_m": {name: metrics["paper_table_iii"][name] for name in STATISTICS},
-        "rpe_m": metrics["rpe"]["frame"]["rmse"],
-        "rpe_deg": metrics["rpe"]["frame_rotation"]["rmse"],
-        "drift_percent": drift["translation_percent"],
-        "drift_deg_per_100m": drift["rotation_deg_per_100m"],
-        "drift_name": drift["name"],
-        "notes": [*metrics["notes"], *([f"no drift, {drift['reason']}"] if drift["reason"] else [])],
+        "ate_m": metrics.ate.aligned.rmse,
+        "table_iii_m": metrics.paper_table_iii,
+        "rpe_m": metrics.rpe.frame.rmse,
+        "rpe_deg": metrics.rpe.frame_rotation.rmse,
+        "drift_percent": drift.translation_percent,
+        "drift_deg_per_100m": drift.rotation_deg_per_100m,
+        "drift_name": drift.name,
+        "notes": (*metrics.notes, *([f"no drift, {drift.reason}"] if drift.reason else [])),
     }

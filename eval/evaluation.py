@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -20,59 +21,81 @@ from eval.body_frame import (
     read_camera0_calibration,
     require_same_frame,
 )
+from eval.metrics import AbsoluteErrors, Metrics, RelativeErrors, RunMetrics
 from slam.data.atomic import write_text
 from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.pose_files import read_poses
 
-#: {"ate": {"aligned", "origin", "unaligned"}, "rpe": {"frame", "frame_rotation"}, "drift", "paper_table_iii", ...}
-Metrics = dict[str, Any]
 
-
-def evaluate(
+def evaluate_poses(
     estimate: Array, reference: Array, stamps: Array | None = None, reference_stamps: Array | None = None
 ) -> Metrics:
-    """All figures for one estimate (N, 4, 4) against a reference (M, 4, 4), poses of the same body.
+    """All figures of one trajectory against its reference: ATE, RPE, KITTI's drift and the paper's Table III.
 
-    With stamps [s] of both, (N,) and (M,), poses within 0.01 s belong together and the rest is left out; else N = M.
-    The result is one entry of metrics.json: `ate` [m] by alignment, `rpe` over consecutive frames [m, deg], `drift`
-    (see `kitti_metric.Drift`), `paper_table_iii` [m], `path_length_m` of the estimate and `reference_path_length_m`
-    over the `frames` compared, and `notes`, sentences to be printed with the figures. Every number is finite or None.
+    With stamps of both, poses within 0.01 s of each other belong together and the rest is left out; else N = M.
 
-    Raises InputError where fewer than two poses belong together, or the lengths differ and there are no stamps.
+    Args:
+        estimate: Poses (N, 4, 4) [m].
+        reference: Poses (M, 4, 4) [m] of the same body.
+        stamps: Of the estimate (N,) [s].
+        reference_stamps: Of the reference (M,) [s], by the same clock.
+
+    Returns:
+        The figures, their protocol, and notes on what limits them.
+
+    Raises:
+        InputError: Fewer than two poses belong together, or the lengths differ and there are no stamps.
+
+    Example:
+        >>> line = np.tile(np.eye(4), (31, 1, 1)); line[:, 0, 3] = range(31)
+        >>> shifted = line.copy(); shifted[:, 1, 3] = 0.5
+        >>> metrics = evaluate_poses(shifted, line)
+        >>> metrics.frames, round(metrics.ate.unaligned.rmse, 6), round(metrics.rpe.frame.rmse, 6), metrics.drift.name
+        (31, 0.5, 0.0, 'short drive, 10 m')
     """
     pairs = pair_up(estimate, reference, stamps, reference_stamps)
     notes = [] if len(pairs[0]) == len(estimate) else [_coverage(len(pairs[0]), len(estimate))]
     e, g = (orthonormal(poses) for poses in pairs)
     if not umeyama(e, g)[1]:
         notes.append(NOT_UNIQUE)
-    metrics = {
-        "frames": len(e),
-        "path_length_m": trajectory.path_length(e),
-        "reference_path_length_m": trajectory.path_length(g),
-        "ate": {
-            "aligned": trajectory.ate(e, g, "aligned"),
-            "origin": trajectory.ate(e, g, "origin"),
-            "unaligned": trajectory.ate(e, g, "unaligned"),
-        },
-        "rpe": {"frame": trajectory.rpe_translation(e, g), "frame_rotation": trajectory.rpe_rotation(e, g)},
-        "drift": kitti_metric.kitti_drift(e, g).as_dict(),
-        "paper_table_iii": trajectory.paper_table_iii(e, g),
-        "notes": notes,
-    }
-    return dict(finite(metrics))
+    return Metrics(
+        frames=len(e),
+        path_length_m=trajectory.path_length(e),
+        reference_path_length_m=trajectory.path_length(g),
+        ate=AbsoluteErrors(
+            aligned=trajectory.ate(e, g, "aligned"),
+            origin=trajectory.ate(e, g, "origin"),
+            unaligned=trajectory.ate(e, g, "unaligned"),
+        ),
+        rpe=RelativeErrors(frame=trajectory.rpe_translation(e, g), frame_rotation=trajectory.rpe_rotation(e, g)),
+        drift=kitti_metric.kitti_drift(e, g),
+        paper_table_iii=trajectory.paper_table_iii(e, g),
+        notes=tuple(notes),
+        protocol={**trajectory.PROTOCOL, **kitti_metric.PROTOCOL, "software": f"evo {version('evo')}"},
+    )
 
 
 def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -> Metrics:
-    """What `lidarlift evaluate ESTIMATE REFERENCE [--calib calib.txt]` prints: `evaluate` and its "protocol".
+    """All figures of one trajectory file against another: what `lidarlift evaluate` prints.
 
-    KITTI or TUM files. Two TUM files are associated by their stamps; otherwise the numbers of poses must agree.
-    `calib` brings a reference in camera-0 axes into the LiDAR frame, inv(Tr) P Tr. Raises InputError for files that
-    cannot be read or paired, and for trajectories whose frames of reference do not fit (see `require_same_frame`).
+    Two TUM files are associated by their stamps; otherwise the numbers of poses must agree.
+
+    Args:
+        estimate: A file of poses, KITTI's or TUM's format.
+        reference: The same.
+        calib: A calibration of KITTI's that brings a reference in camera-0 axes into the LiDAR frame, inv(Tr) P Tr.
+
+    Returns:
+        What `evaluate_poses` returns; its protocol says how the poses were paired, and in which frame.
+
+    Raises:
+        InputError: A file cannot be read, the two cannot be paired, or their frames of reference do not fit (see
+            `require_same_frame`).
     """
     stamps, e = _read(estimate)
     reference_stamps, g = _read(reference)
-    protocol = _protocol() | {"association": "equal numbers of poses, in order"}
+    protocol = {"association": "equal numbers of poses, in order"}
     if stamps is not None and reference_stamps is not None:
         protocol["association"] = f"by time stamp, at most {MAX_STAMP_DIFFERENCE} s apart"
     elif len(e) != len(g):
@@ -88,42 +111,67 @@ def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -
     require_same_frame(e, g, (str(estimate), str(reference)), found)
     protocol["frame"] = f"estimate: {_axes(e)}; reference: {_axes(g)}"
     try:
-        return evaluate(e, g, stamps, reference_stamps) | {"protocol": protocol}
+        metrics = evaluate_poses(e, g, stamps, reference_stamps)
     except InputError as error:
         raise InputError(f"{estimate} against {reference}: {error}") from error
+    return replace(metrics, protocol={**metrics.protocol, **protocol})
 
 
-def evaluate_run(folder: Path) -> dict[str, Any] | None:
-    """Write metrics.json of a run folder: {"slam": ..., "odometry": ..., "protocol": ...}; None without ground truth.
+def evaluate_run(folder: Path) -> RunMetrics | None:
+    """All figures of a run, written to metrics.json in its folder.
 
-    Reads trajectory_tum.txt, odometry_tum.txt and ground_truth_tum.txt (LiDAR frame, may cover only some frames),
-    associated by stamp. Raises InputError where one of the two trajectories is missing or no stamps agree.
+    Args:
+        folder: With trajectory_tum.txt, odometry_tum.txt and ground_truth_tum.txt (LiDAR frame; it may cover only some
+            frames), associated by stamp.
+
+    Returns:
+        The figures; None without ground truth, and no file.
+
+    Raises:
+        InputError: One of the two trajectories is missing, or no stamps agree.
     """
     truth_file = folder / "ground_truth_tum.txt"
     if not truth_file.is_file():
         return None
     truth_stamps, truth = _read_stamped(truth_file)
-    result: dict[str, Any] = {}
-    for name, file in (("slam", folder / "trajectory_tum.txt"), ("odometry", folder / "odometry_tum.txt")):
+
+    def evaluated(file: Path) -> Metrics:
         stamps, poses = _read_stamped(file)
         try:
-            result[name] = evaluate(poses, truth, stamps, truth_stamps)
+            metrics = evaluate_poses(poses, truth, stamps, truth_stamps)
         except InputError as error:
             raise InputError(f"{file} against {truth_file.name}: {error}") from error
+        notes = metrics.notes
         if "camera" in (body_frame(poses), body_frame(truth)):
-            result[name]["notes"].append("a trajectory moves along z: these do not look like poses of a LiDAR")
-    result["protocol"] = _protocol() | {
-        "association": f"by time stamp, at most {MAX_STAMP_DIFFERENCE} s apart",
-        "frame": "LiDAR poses, ground truth brought into the LiDAR frame",
-    }
-    write_json(folder / "metrics.json", result)
+            notes += ("a trajectory moves along z: these do not look like poses of a LiDAR",)
+        protocol = {
+            "association": f"by time stamp, at most {MAX_STAMP_DIFFERENCE} s apart",
+            "frame": "LiDAR poses, ground truth brought into the LiDAR frame",
+        }
+        return replace(metrics, notes=notes, protocol={**metrics.protocol, **protocol})
+
+    result = RunMetrics(evaluated(folder / "trajectory_tum.txt"), evaluated(folder / "odometry_tum.txt"))
+    write_json(folder / "metrics.json", result.as_dict())
     return result
 
 
 def pair_up(
     estimate: Array, reference: Array, stamps: Array | None = None, reference_stamps: Array | None = None
 ) -> tuple[Array, Array]:
-    """The poses (K, 4, 4) of both that belong together, K >= 2; raises InputError otherwise."""
+    """The poses of an estimate and its reference that belong together.
+
+    Args:
+        estimate: Poses (N, 4, 4).
+        reference: Poses (M, 4, 4).
+        stamps: Of the estimate (N,) [s], if known.
+        reference_stamps: Of the reference (M,) [s], if known. With both, poses within 0.01 s belong together.
+
+    Returns:
+        Poses (K, 4, 4) of the estimate and (K, 4, 4) of the reference, K >= 2.
+
+    Raises:
+        InputError: Fewer than two belong together, or N and M differ without stamps.
+    """
     if stamps is not None and reference_stamps is not None:
         ours, theirs = associate(stamps, reference_stamps)
         if len(ours) < 2:
@@ -179,10 +227,6 @@ def _read_stamped(path: Path) -> tuple[Array, Array]:
 
 def _coverage(paired: int, frames: int) -> str:
     return f"{paired} of {frames} frames have a reference; 'consecutive' means consecutive among these"
-
-
-def _protocol() -> dict[str, str]:
-    return {**trajectory.PROTOCOL, **kitti_metric.PROTOCOL, "software": f"evo {version('evo')}"}
 
 
 def _axes(poses: Array) -> str:

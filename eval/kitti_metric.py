@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,8 @@ from eval.trajectory import distances
 from slam.data import se3
 from slam.data.cloud import Array
 
-#: Segments start at every 10th frame [frames]; the devkit's step of one second.
-STEP = 10
+#: A segment starts at every 10th frame: at KITTI's ten frames a second, the devkit's step of one second.
+FRAMES_BETWEEN_STARTS = 10
 
 #: Length of the reference's path from which on a set of segment lengths is used [m], and that set [m]. KITTI's own
 #: from 200 m on (as many of them as fit); below, one short length, so that a drive gives several segments.
@@ -40,7 +41,10 @@ PROTOCOL = {
 class BodyRotationRemoved:
     """The drift once more, without what a constant rotation between the two body frames explains.
 
-    rotation_deg  angle of that rotation [deg]
+    Attributes:
+        translation_percent: Mean translation error [%].
+        rotation_deg_per_100m: Mean rotation error [deg/100 m].
+        rotation_deg: Angle of the constant rotation [deg].
     """
 
     translation_percent: float
@@ -50,11 +54,16 @@ class BodyRotationRemoved:
 
 @dataclass(frozen=True)
 class Drift:
-    """KITTI's translation [%] and rotation [deg/100 m] error, None where no segment fits (`reason` says why).
+    """KITTI's translation and rotation error.
 
-    name       what was measured: "KITTI 100-800 m", or "short drive, 50 m"
-    lengths_m  the lengths that at least one segment has [m]
-    segments   how many segments the mean is over
+    Attributes:
+        translation_percent: Mean translation error [%], None where no segment fits.
+        rotation_deg_per_100m: Mean rotation error [deg/100 m], None where no segment fits.
+        lengths_m: The lengths that at least one segment has [m].
+        segments: How many segments the means are over.
+        name: What was measured: "KITTI 100-800 m", or "short drive, 50 m".
+        body_rotation_removed: The same without a constant rotation of the body, None where no segment fits.
+        reason: Why no segment fits, None where some do.
     """
 
     translation_percent: float | None
@@ -69,9 +78,22 @@ class Drift:
         """For JSON."""
         return {**asdict(self), "lengths_m": list(self.lengths_m)}
 
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Drift:
+        """What `as_dict` gave, as it was. Raises KeyError or TypeError where it is something else."""
+        values = {field.name: content[field.name] for field in fields(cls)}
+        removed = content["body_rotation_removed"]
+        return cls(
+            **values
+            | {
+                "lengths_m": tuple(content["lengths_m"]),
+                "body_rotation_removed": removed and BodyRotationRemoved(**removed),
+            }
+        )
+
 
 def kitti_drift(estimate: Array, reference: Array) -> Drift:
-    """Drift of an estimate against the reference, poses (N, 4, 4) of the same body frame at the same N instants.
+    """The drift of an estimate against its reference by KITTI's odometry metric.
 
     Geiger, Lenz, Urtasun, CVPR 2012, as its odometry development kit computes it. For first frame i (every 10th) and
     each length L, j is the first frame more than L metres of the reference's path after i, and
@@ -80,6 +102,20 @@ def kitti_drift(estimate: Array, reference: Array) -> Drift:
 
     averaged over all segments. Nothing is aligned. `LENGTHS` gives the lengths: KITTI's 100-800 m as far as they fit
     on paths of 200 m or more, 50 m from 60 m on, 10 m from 12 m on; the result is named after them.
+
+    Args:
+        estimate: Poses e (N, 4, 4) [m].
+        reference: Poses g (N, 4, 4) [m] of the same body at the same instants.
+
+    Returns:
+        The means over all segments; without figures where the path is too short for any.
+
+    Example:
+        >>> line = np.tile(np.eye(4), (31, 1, 1)); line[:, 0, 3] = 1.01 * np.arange(31)
+        >>> long = line.copy(); long[:, 0, 3] *= 1.02
+        >>> drift = kitti_drift(long, line)
+        >>> drift.name, drift.segments, round(drift.translation_percent, 2)
+        ('short drive, 10 m', 3, 2.02)
     """
     way = distances(reference)
     lengths = next((lengths for least, lengths in LENGTHS if way[-1] >= least), ())
@@ -96,7 +132,7 @@ def kitti_drift(estimate: Array, reference: Array) -> Drift:
 
 def _segments(way: Array, lengths: tuple[float, ...]) -> tuple[Array, Array, Array]:
     """First frame, last frame and length [m] of each segment; the devkit's "first frame farther than", strictly."""
-    starts = np.arange(0, len(way), STEP)
+    starts = np.arange(0, len(way), FRAMES_BETWEEN_STARTS)
     first = np.tile(starts, len(lengths))
     length = np.repeat(np.array(lengths), len(starts))
     last = np.searchsorted(way, way[first] + length, side="right")
@@ -127,7 +163,7 @@ def _without_rotation(delta_e: Array, delta_g: Array, length: Array) -> BodyRota
 
 
 def best_rotation(a: Array, b: Array) -> Array:
-    """The rotation X (3, 3) that minimises sum |X a_k - b_k|^2 over vectors (K, 3).
+    """The rotation X (3, 3) that minimises sum |X a_k - b_k|^2 over vectors a, b (K, 3).
 
     What the vectors do not show stays unrotated: on a straight drive the roll about the direction of travel is noise,
     so singular values under `OBSERVABLE` of the largest are dropped and the smallest such rotation is taken.

@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING
 
-from eval.evaluation import Metrics
-from eval.text import new_table, number, paragraphs, rendered
+from eval.compare import Comparison, RunFigures
+from eval.kitti_metric import BodyRotationRemoved, Drift
+from eval.metrics import Metrics
+from eval.text import new_table, number, paragraphs, protocol_text, rendered, text_table
 from eval.trajectory import STATISTICS
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-#: Row title, keys in the metrics, unit, decimals.
-ROWS: tuple[tuple[str, tuple[str, ...], str, int], ...] = (
-    ("ATE, SE(3) Umeyama-aligned", ("ate", "aligned"), "m", 3),
-    ("ATE, origin-aligned", ("ate", "origin"), "m", 3),
-    ("ATE, unaligned", ("ate", "unaligned"), "m", 3),
-    ("RPE translation, delta 1 frame", ("rpe", "frame"), "m", 4),
-    ("RPE rotation, delta 1 frame", ("rpe", "frame_rotation"), "deg", 4),
-    ("Paper's Table III: RPE translation, delta 1 frame, Umeyama", ("paper_table_iii",), "m", 4),
+#: Row title, attribute of `Metrics`, unit, decimals.
+ERROR_ROWS = (
+    ("ATE, SE(3) Umeyama-aligned", "ate.aligned", "m", 3),
+    ("ATE, origin-aligned", "ate.origin", "m", 3),
+    ("ATE, unaligned", "ate.unaligned", "m", 3),
+    ("RPE translation, delta 1 frame", "rpe.frame", "m", 4),
+    ("RPE rotation, delta 1 frame", "rpe.frame_rotation", "deg", 4),
+    ("Paper's Table III: RPE translation, delta 1 frame, Umeyama", "paper_table_iii", "m", 4),
 )
 
-#: Column title, key in an input's figures of a comparison, format.
-COLUMNS: tuple[tuple[str, str, str], ...] = (
+#: Column title, attribute of `RunFigures`, format.
+COMPARISON_COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("ATE\n[m]", "ate_m", ".3f"),
     ("RPE\n[m]", "rpe_m", ".4f"),
     ("RPE\n[deg]", "rpe_deg", ".4f"),
@@ -41,59 +44,60 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
 )
 
 
-def format_table(evaluations: Mapping[str, Metrics], protocol: Mapping[str, str] | None = None) -> str:
-    """Two tables and their notes as plain text without colour; tables are as wide as they need to be, never cut.
+def format_metrics(evaluations: Mapping[str, Metrics]) -> str:
+    """The errors and the drift of trajectories as plain text without colour, as wide as it needs to be, never cut.
 
-    `evaluations` maps a name ("slam", "16", a file) to what `evaluate` returned; `protocol` is what `evaluate_files`
-    or `evaluate_run` put beside it and is printed line by line below.
+    Args:
+        evaluations: The figures by name ("slam", "16", a file); all have the same protocol.
+
+    Returns:
+        Two tables, the notes, and the protocol line by line.
     """
-    notes = [f"{name}: {note}" for name, metrics in evaluations.items() for note in metrics.get("notes", ())]
-    drifts = [(name, metrics["drift"]) for name, metrics in evaluations.items()]
-    notes += [f"{name}: no drift, {drift['reason']}" for name, drift in drifts if drift["reason"]]
-    return _with_notes([_errors(evaluations), _drift(evaluations)], notes, protocol or {})
+    notes = [f"{name}: {note}" for name, metrics in evaluations.items() for note in metrics.notes]
+    drifts = [(name, metrics.drift) for name, metrics in evaluations.items()]
+    notes += [f"{name}: no drift, {drift.reason}" for name, drift in drifts if drift.reason]
+    protocol = next(iter(evaluations.values())).protocol
+    return _with_notes([rendered(_errors(evaluations)), rendered(_drift(evaluations))], notes, protocol)
 
 
-def format_comparison(comparison: Mapping[str, Any]) -> str:
-    """What `compare_runs` returned as a table with a row an input, the paper's Table III where there is ground truth,
-    notes and protocol, as `format_table`."""
-    tables = []
-    for header, rows in _compared(comparison):
-        tables.append(new_table(*header, left=1))
-        for row in rows:
-            tables[-1].add_row(*row)
-    return _with_notes(tables, _notes(comparison), comparison["protocol"])
+def format_comparison(comparison: Comparison) -> str:
+    """A table with a row an input, the paper's Table III where there is ground truth, notes and protocol, as
+    `format_metrics`."""
+    tables = [text_table(header, rows) for header, rows in _compared(comparison)]
+    return _with_notes(tables, _notes(comparison), comparison.protocol)
 
 
-def comparison_markdown(comparison: Mapping[str, Any], title: str) -> str:
+def comparison_markdown(comparison: Comparison, title: str) -> str:
     """The same for compare.md."""
     lines = [f"# {title}", ""]
     for header, rows in _compared(comparison):
         titles = [" ".join(column.split()) for column in header]
         lines += [_cells(titles), _cells(["---", *["---:"] * (len(titles) - 1)]), *map(_cells, rows), ""]
     lines += [f"* {note}" for note in _notes(comparison)]
-    lines += [f"* {name}: {text}" for name, text in comparison["protocol"].items()]
+    lines += [f"* {name}: {text}" for name, text in comparison.protocol.items()]
     return "\n".join(lines) + "\n"
 
 
-def _compared(comparison: Mapping[str, Any]) -> list[tuple[list[str], list[list[str]]]]:
+def _compared(comparison: Comparison) -> list[tuple[list[str], list[list[str]]]]:
     """Header and rows of each table of a comparison."""
-    inputs = comparison["inputs"]
+    inputs = comparison.inputs
 
-    def row(name: str, figures: Mapping[str, Any]) -> list[str]:
-        values = ((figures[key], form) for _, key, form in COLUMNS)
+    def row(name: str, figures: RunFigures) -> list[str]:
+        values = ((getattr(figures, key), form) for _, key, form in COMPARISON_COLUMNS)
         return [name, *("-" if value is None else format(value, form) for value, form in values)]
 
-    tables = [(["Input", *(title for title, _, _ in COLUMNS)], [row(*entry) for entry in inputs.items()])]
-    measured = {name: figures["table_iii_m"] for name, figures in inputs.items() if figures["table_iii_m"]}
+    header = ["Input", *(title for title, _, _ in COMPARISON_COLUMNS)]
+    tables = [(header, [row(*entry) for entry in inputs.items()])]
+    measured = {name: figures.table_iii_m for name, figures in inputs.items() if figures.table_iii_m}
     if measured:
         names = ("max", "mean", "min", "rmse", "std")  # in the paper's order
-        rows = [[name, *(number(figures[key], 3) for key in names)] for name, figures in measured.items()]
+        rows = [[name, *(number(getattr(figures, key), 3) for key in names)] for name, figures in measured.items()]
         tables.append((["Table III", *(f"{name} [m]" for name in names)], rows))
     return tables
 
 
-def _notes(comparison: Mapping[str, Any]) -> list[str]:
-    return [f"{name}: {note}" for name, figures in comparison["inputs"].items() for note in figures["notes"]]
+def _notes(comparison: Comparison) -> list[str]:
+    return [f"{name}: {note}" for name, figures in comparison.inputs.items() for note in figures.notes]
 
 
 def _cells(texts: Sequence[str]) -> str:
@@ -102,13 +106,11 @@ def _cells(texts: Sequence[str]) -> str:
 
 def _errors(evaluations: Mapping[str, Metrics]) -> Table:
     table = new_table("Error", "of", "frames", "unit", *STATISTICS[:-1], "sse [unit²]", left=2)
-    for title, keys, unit, decimals in ROWS:
+    for title, attribute, unit, decimals in ERROR_ROWS:
         for row, (name, metrics) in enumerate(evaluations.items()):
-            values: Any = metrics
-            for key in keys:
-                values = values[key]
-            figures = (number(values[statistic], decimals) for statistic in STATISTICS)
-            table.add_row("" if row else title, name, str(metrics["frames"]), unit, *figures)
+            values = attrgetter(attribute)(metrics)
+            figures = (number(getattr(values, statistic), decimals) for statistic in STATISTICS)
+            table.add_row("" if row else title, name, str(metrics.frames), unit, *figures)
         table.add_section()
     return table
 
@@ -117,23 +119,19 @@ def _drift(evaluations: Mapping[str, Metrics]) -> Table:
     units = "translation [%]", "rotation [deg/100 m]", "path [m]", "reference's path [m]"
     table = new_table("Drift, KITTI metric, no alignment", "of", "segments", *units, left=2)
     for name, metrics in evaluations.items():
-        drift = metrics["drift"]
-        path = number(metrics["path_length_m"], 1), number(metrics["reference_path_length_m"], 1)
-        table.add_row(drift["name"], name, str(drift["segments"]), *_rates(drift), *path)
-        if removed := drift["body_rotation_removed"]:
-            title = f"  less the best body rotation, {number(removed['rotation_deg'], 2)} deg"
-            table.add_row(title, name, str(drift["segments"]), *_rates(removed))
+        drift = metrics.drift
+        path = number(metrics.path_length_m, 1), number(metrics.reference_path_length_m, 1)
+        table.add_row(drift.name, name, str(drift.segments), *_rates(drift), *path)
+        if removed := drift.body_rotation_removed:
+            title = f"  less the best body rotation, {number(removed.rotation_deg, 2)} deg"
+            table.add_row(title, name, str(drift.segments), *_rates(removed))
     return table
 
 
-def _rates(drift: Mapping[str, Any]) -> tuple[str, str]:
-    return number(drift["translation_percent"], 3), number(drift["rotation_deg_per_100m"], 3)
+def _rates(drift: Drift | BodyRotationRemoved) -> tuple[str, str]:
+    return number(drift.translation_percent, 3), number(drift.rotation_deg_per_100m, 3)
 
 
-def _with_notes(tables: Sequence[Table], notes: Sequence[str], protocol: Mapping[str, str]) -> str:
-    parts = [rendered(table) for table in tables]
-    if notes:
-        parts.append("Notes\n" + paragraphs(notes))
-    if protocol:
-        parts.append("Protocol\n" + paragraphs([f"{name}: {text}" for name, text in protocol.items()]))
-    return "\n".join(parts)
+def _with_notes(tables: Sequence[str], notes: Sequence[str], protocol: Mapping[str, str]) -> str:
+    noted = ["Notes\n" + paragraphs(notes)] if notes else []
+    return "\n".join([*tables, *noted, protocol_text(protocol)])

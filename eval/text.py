@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
 from textwrap import fill
 from typing import TYPE_CHECKING
@@ -11,9 +11,26 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-def number(value: float | None, decimals: int) -> str:
-    """Fixed decimals, a dash for what could not be computed."""
-    return "-" if value is None else f"{value:.{decimals}f}"
+def number(value: float | None, decimals: int, factor: float = 1) -> str:
+    """`factor` times the value with fixed decimals, a dash for what could not be computed.
+
+    >>> number(0.1234, 1, factor=100), number(None, 1)
+    ('12.3', '-')
+    """
+    return "-" if value is None else f"{factor * value:.{decimals}f}"
+
+
+def text_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Plain text, as wide as it needs to be; the first column is flushed left, the others right."""
+    table = new_table(*titles, left=1)
+    for row in rows:
+        table.add_row(*row)
+    return rendered(table)
+
+
+def protocol_text(protocol: Mapping[str, str]) -> str:
+    """What figures mean, a paragraph each."""
+    return "Protocol\n" + paragraphs([f"{name}: {text}" for name, text in protocol.items()])
 
 
 def new_table(*columns: str, left: int) -> Table:

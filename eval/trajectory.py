@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from eval.alignment import Alignment, alignment_transform, as_evo
 from slam.data.cloud import Array
-
-#: rmse, mean, median, std (population), min, max, sse: evo's seven, in evo's order.
-STATISTICS = ("rmse", "mean", "median", "std", "min", "max", "sse")
 
 #: What each figure of this file means, to be printed beside it.
 PROTOCOL = {
@@ -22,19 +21,58 @@ PROTOCOL = {
     "after SE(3) Umeyama alignment, metres",
 }
 
-Statistics = dict[str, float]
+
+@dataclass(frozen=True)
+class Statistics:
+    """evo's seven statistics of an error over the frames, in the error's unit.
+
+    Attributes:
+        rmse: Root of the mean square.
+        mean: Arithmetic mean.
+        median: Median.
+        std: Standard deviation of the population.
+        min: Smallest.
+        max: Largest.
+        sse: Sum of squares, in the unit's square.
+    """
+
+    rmse: float
+    mean: float
+    median: float
+    std: float
+    min: float
+    max: float
+    sse: float
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, float]) -> Statistics:
+        """From evo's names and values. Raises KeyError where one is missing."""
+        return cls(*(values[name] for name in STATISTICS))
+
+
+#: The names of the seven, in evo's order.
+STATISTICS = tuple(field.name for field in fields(Statistics))
 
 
 def ate(estimate: Array, reference: Array, alignment: Alignment = "aligned") -> Statistics:
-    """Absolute trajectory error [m]: the seven statistics of |T p_i - g_i| over positions p, g of poses (N, 4, 4).
+    """Absolute trajectory error: |T p_i - g_i| over the positions p of the estimate and g of the reference.
 
     Definition: Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems", IROS 2012 (there: rmse, aligned),
-    by evo's APE of the translation part. `alignment` gives T: see `alignment_transform`.
+    by evo's APE of the translation part.
 
-    >>> line = np.tile(np.eye(4), (3, 1, 1)); line[:, 0, 3] = [0, 1, 2]
-    >>> shifted = line.copy(); shifted[:, 1, 3] = 0.5
-    >>> ate(shifted, line, "unaligned")["rmse"], ate(shifted, line, "origin")["rmse"]
-    (0.5, 0.0)
+    Args:
+        estimate: Poses (N, 4, 4) [m].
+        reference: Poses (N, 4, 4) [m] of the same body at the same instants.
+        alignment: What T is, see `alignment_transform`.
+
+    Returns:
+        The statistics [m] of the N errors.
+
+    Example:
+        >>> line = np.tile(np.eye(4), (3, 1, 1)); line[:, 0, 3] = [0, 1, 2]
+        >>> shifted = line.copy(); shifted[:, 1, 3] = 0.5
+        >>> round(ate(shifted, line, "unaligned").rmse, 6), round(ate(shifted, line, "origin").rmse, 6)
+        (0.5, 0.0)
     """
     from evo.core.metrics import APE, PoseRelation
 
@@ -45,10 +83,23 @@ def ate(estimate: Array, reference: Array, alignment: Alignment = "aligned") -> 
 
 
 def rpe_translation(estimate: Array, reference: Array) -> Statistics:
-    """Relative pose error over consecutive frames [m]: |trans(inv(inv(g_i) g_i+1) inv(e_i) e_i+1)|, poses (N, 4, 4).
+    """Relative pose error of the translation over consecutive frames: |trans(inv(inv(g_i) g_i+1) inv(e_i) e_i+1)|.
 
     Definition: Sturm et al., IROS 2012, eq. 1-2 with delta = 1 frame, by evo's RPE of the translation part. A rigid
-    motion of the whole estimate does not change it. Needs N >= 2.
+    motion of the whole estimate does not change it.
+
+    Args:
+        estimate: Poses e (N, 4, 4) [m], N >= 2.
+        reference: Poses g (N, 4, 4) [m] of the same body at the same instants.
+
+    Returns:
+        The statistics [m] of the N - 1 errors.
+
+    Example:
+        >>> line = np.tile(np.eye(4), (3, 1, 1)); line[:, 0, 3] = [0, 1, 2]
+        >>> hasty = line.copy(); hasty[:, 0, 3] = [0, 1.1, 2.4]
+        >>> round(rpe_translation(hasty, line).min, 6), round(rpe_translation(hasty, line).max, 6)
+        (0.1, 0.3)
     """
     from evo.core.metrics import PoseRelation
 
@@ -56,17 +107,32 @@ def rpe_translation(estimate: Array, reference: Array) -> Statistics:
 
 
 def rpe_rotation(estimate: Array, reference: Array) -> Statistics:
-    """As `rpe_translation`, the angle of the error's rotation [deg]."""
+    """Relative pose error of the rotation over consecutive frames: the angle of `rpe_translation`'s error.
+
+    Args:
+        estimate: Poses (N, 4, 4), N >= 2.
+        reference: Poses (N, 4, 4) of the same body at the same instants.
+
+    Returns:
+        The statistics [deg] of the N - 1 errors.
+    """
     from evo.core.metrics import PoseRelation
 
     return _rpe(estimate, reference, PoseRelation.rotation_angle_deg)
 
 
 def paper_table_iii(estimate: Array, reference: Array) -> Statistics:
-    """The error in Table III of the paper [m]: RPE of the translation, delta 1 frame, after SE(3) Umeyama alignment.
+    """The error in Table III of the paper: RPE of the translation, delta 1 frame, after SE(3) Umeyama alignment.
 
     The authors' published log shows that this, not the ATE, is what the table prints (there over 30 pairs). As an RPE
     it equals `rpe_translation`; the alignment is done all the same, since it is part of the definition.
+
+    Args:
+        estimate: Poses (N, 4, 4) [m], N >= 2.
+        reference: Poses (N, 4, 4) [m] of the same body at the same instants.
+
+    Returns:
+        The statistics [m] of the N - 1 errors.
     """
     T, _ = alignment_transform(estimate, reference, "aligned")
     return rpe_translation(T @ estimate, reference)
@@ -91,5 +157,4 @@ def _rpe(estimate: Array, reference: Array, relation: Any) -> Statistics:
 
 
 def _statistics(metric: Any) -> Statistics:
-    values = metric.get_all_statistics()
-    return {name: float(values[name]) for name in STATISTICS}
+    return Statistics.from_dict({name: float(value) for name, value in metric.get_all_statistics().items()})

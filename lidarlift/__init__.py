@@ -40,7 +40,7 @@ _PLACES = {
     "run": "lidarlift.running",
     "save_run": "slam.session",
 }
-__all__ = ["__version__", *_PLACES]  # noqa: PLE0604
+__all__ = ["__version__", *_PLACES]
 
 
 def __getattr__(name: str) -> Any:

@@ -101,7 +101,7 @@ def compare_into(
     *,
     name: str | None = None,
     strict: bool = False,
-    on_row: Callable[[str], None] = lambda row: None,
+    on_row: Callable[[str], None] | None = None,
 ) -> Comparison:
     """A run folder for each row, compare.json and compare.md beside them; `on_row` is called when a row is done.
 
@@ -117,7 +117,8 @@ def compare_into(
         require_writable(each)
     for row, settings in rows.items():
         run_into(folders[row], data, settings, frames, reporter, name=name, strict=strict)
-        on_row(row)
+        if on_row:
+            on_row(row)
     comparison = compare_runs(folders)
     write_json(folder / "compare.json", comparison.as_dict())
     write_text(folder / "compare.md", comparison_markdown(comparison, title_of(data, rows, frames, name)))

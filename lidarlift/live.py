@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from slam.data.sensor import load_sensor
 from slam.run import FrameRecord, Run, Source
 from slam.settings import Config
 
-NAME = "live"
+NAME, EMPTY = "live", PointCloud(np.zeros((0, 3)), np.zeros(0))
 
 
 class Slam:
@@ -65,7 +66,9 @@ class Slam:
         sweeps_per_second: float = 10.0,
     ) -> None:
         if not sweeps_per_second > 0:
-            raise InputError(f"sweeps_per_second: {sweeps_per_second} makes no sense; spinning LiDARs turn 5 to 20 times")
+            raise InputError(
+                f"sweeps_per_second: {sweeps_per_second} makes no sense; spinning LiDARs turn 5 to 20 times"
+            )
         self._sensor = None if sensor is None else load_sensor(sensor)
         settings = settings_for(self._sensor, input, enricher, config, overrides)
         self._slam = pipeline.Slam(
@@ -102,14 +105,12 @@ class Slam:
         """
         place = len(self._slam.result.records)
         name = Path(f"scan {place}")
-        problems = ()
+        frame = Frame(place, float(stamp), EMPTY, self._slam.result.source.calibration, lambda: image)
         if isinstance(points, PointCloud):
-            cloud = points
-        else:
-            found = points_of(np.asarray(points), name)
-            cloud, problems = to_cloud(found, self._sensor, name), found.problems
-        calibration = self._slam.result.source.calibration
-        return self._slam.add(Frame(place, float(stamp), cloud, calibration, lambda: image, problems))
+            return self._slam.add(replace(frame, cloud=points))
+        found = points_of(np.asarray(points), name)
+        cloud = to_cloud(found, self._sensor, name)
+        return self._slam.add(replace(frame, cloud=cloud, problems=found.problems))
 
     def trajectory(self) -> Array:
         """(N, 4, 4) T_world_lidar of all scans so far, by the loops that are closed so far; the first is the identity.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import inspect
 from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
@@ -38,9 +39,27 @@ def load_config(source: str | Path | None = None, overrides: Sequence[str] = (),
         raise InputError(f"{name}: {where + ': ' if where else ''}{first['msg']}") from error
 
 
+def yaml_text(config: Config) -> str:
+    """All settings as YAML that `load_config` reads back, each section under a comment that says what it is for."""
+    lines = ["# Settings of lidarlift: slam/settings.py gives the reason beside each default."]
+    for name, section in config:
+        content = yaml.dump({name: section.model_dump(mode="json")}, Dumper=_ListsInline, sort_keys=False)
+        lines += ["", f"# {inspect.cleandoc(type(section).__doc__ or name)}", content.rstrip()]
+    return "\n".join(lines) + "\n"
+
+
 def preset_names() -> list[str]:
     """Names of the presets that are shipped."""
     return sorted(file.name.removesuffix(".yaml") for file in _presets() if file.name.endswith(".yaml"))
+
+
+class _ListsInline(yaml.SafeDumper):
+    """[4.0, 2.0, 1.0] in one line; sections a line a key."""
+
+
+_ListsInline.add_representer(
+    list, lambda dumper, values: dumper.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=True)
+)
 
 
 def _presets() -> Iterator[Any]:

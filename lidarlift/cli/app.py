@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Annotated
 
 import typer
 
+import lidarlift
 from lidarlift.cli.compare import compare
+from lidarlift.cli.config import config
 from lidarlift.cli.console import messages
 from lidarlift.cli.demo import demo
 from lidarlift.cli.depth_benchmark import depth_benchmark
@@ -38,9 +41,24 @@ app = typer.Typer(
     No data at hand: `lidarlift demo`
     """,
 )
-for command in (run, compare, enrich, evaluate, export, fit_lasers, simulate, demo, depth_benchmark, train):
+for command in (run, compare, enrich, evaluate, export, config, fit_lasers, simulate, demo, depth_benchmark, train):
     app.command()(command)
 app.add_typer(study, name="study")
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"lidarlift {lidarlift.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    pass
 
 
 def main() -> None:

@@ -21,6 +21,12 @@ class Enricher(StrEnum):
     F2L = "f2l"
 
 
+class Input(StrEnum):
+    SIXTY_FOUR = "64"
+    SIXTEEN = "16"
+    ENRICHED = "enriched"
+
+
 DatasetArgument = Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")]
 SequenceOption = Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")]
 FramesOption = Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")]
@@ -28,6 +34,9 @@ SensorOption = Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML f
 ConfigOption = Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")]
 SetOption = Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")]
 StrictOption = Annotated[bool, typer.Option("--strict", help="Stop at the first damaged file instead of going on.")]
+InputOption = Annotated[
+    Input | None, typer.Option(help="64: the scan as recorded; 16: rings dropped; enriched: 16, the rest filled in.")
+]
 EnricherOption = Annotated[
     Enricher | None,
     typer.Option(

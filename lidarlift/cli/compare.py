@@ -58,6 +58,7 @@ def print_comparison(comparison: Comparison, title: str, folder: Path, rows: Ite
 
     print(f"\n{title}\n")
     print(format_comparison(comparison))
+    files = "map.pcd, map.png, trajectory_tum.txt (and _kitti), trajectory.png, loops.csv, metrics.json"
     for row in rows:
-        print(f"{folder / row}: map.pcd, map.png, trajectory_tum.txt (and _kitti), trajectory.png, loops.csv, metrics.json")
+        print(f"{folder / row}: {files}")
     print(f"{folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")

@@ -9,10 +9,10 @@ from typing import Annotated
 
 import typer
 
-from slam.data.atomic import require_writable
 from lidarlift.cli.compare import print_comparison
 from lidarlift.cli.console import Console, messages, progress
 from lidarlift.comparing import INPUTS, compare_into, rows_for, title_of
+from slam.data.atomic import require_writable
 from slam.data.errors import InputError
 
 QUICK, NAME = 100, "Simulated loop"  # frames of the drive

@@ -16,7 +16,6 @@ from lidarlift.cli.arguments import (
     SensorOption,
     SequenceOption,
     frame_slice,
-    require_writable,
 )
 from lidarlift.cli.console import progress
 from lidarlift.enriching import enrich as enriched
@@ -52,6 +51,8 @@ def enrich(
     Of 64-ring scans every fourth ring is taken (front_end.phase, front_end.drop); of other sensors all. The clouds are
     as recorded: neither deskewed nor vertically corrected.
     """
+    from slam.data.dataset import open_dataset
+
     require_writable(out)
     data, chosen = open_dataset(dataset, sequence, sensor), frame_slice(frames)
     dense = enriched(data, enricher=enricher and enricher.value, config=config, overrides=set_ or (), frames=chosen)

@@ -20,8 +20,6 @@ def evaluate(
     Example: `lidarlift evaluate runs/04/trajectory_kitti.txt poses/04.txt --calib sequences/04/calib.txt`
     """
     from eval.evaluation import evaluate_files
-    from eval.tables import format_table
+    from eval.tables import format_metrics
 
-    metrics = evaluate_files(estimate, reference, calib)
-    protocol = metrics.pop("protocol")
-    print(format_table({estimate.name: metrics}, protocol))
+    print(format_metrics({estimate.name: evaluate_files(estimate, reference, calib)}))

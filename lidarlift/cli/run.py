@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +12,7 @@ from lidarlift.cli.arguments import (
     DatasetArgument,
     EnricherOption,
     FramesOption,
+    InputOption,
     SensorOption,
     SequenceOption,
     SetOption,
@@ -24,19 +24,10 @@ from lidarlift.front_ends import settings_for
 from lidarlift.running import run_into
 
 
-class Input(StrEnum):
-    SIXTY_FOUR = "64"
-    SIXTEEN = "16"
-    ENRICHED = "enriched"
-
-
 def run(
     dataset: DatasetArgument,
     sequence: SequenceOption = None,
-    input: Annotated[
-        Input | None,
-        typer.Option(help="64: the scan as recorded; 16: rings dropped; enriched: 16, the rest filled in."),
-    ] = None,
+    input: InputOption = None,
     enricher: EnricherOption = None,
     config: ConfigOption = None,
     set_: SetOption = None,
@@ -60,9 +51,7 @@ def run(
     data = open_dataset(dataset, sequence, sensor)
     chosen = settings_for(data.sensor, input and input.value, enricher and enricher.value, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
-    _, metrics = run_into(
-        folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict
-    )
+    _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict)
     report = read_report(folder)
     print(_summary(report))
     if metrics:

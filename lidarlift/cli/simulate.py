@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from slam.data.atomic import require_writable
 from lidarlift.cli.console import progress
+from slam.data.atomic import require_writable
 
 
 class Drive(StrEnum):

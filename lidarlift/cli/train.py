@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from slam.data.atomic import require_writable
 from lidarlift.cli.console import messages, progress
+from slam.data.atomic import require_writable
 from slam.data.errors import InputError
 
 if TYPE_CHECKING:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from slam.data.cloud import Array, Calibration, Frame
 from slam.data.errors import InputError
-from slam.data.folder import UserFolder, scans_in
-from slam.data.kitti_odometry import KittiOdometry
-from slam.data.kitti_raw import KittiRaw
 from slam.data.problem import Problem
+from slam.data.registry import Registry
 from slam.data.sensor import Sensor
 
 
@@ -48,66 +46,87 @@ class Dataset(Protocol):
     def __getitem__(self, position: int) -> Frame: ...
 
 
-def open_dataset(path: str | Path, sequence: str | None = None, sensor: str | Path | None = None) -> Dataset:
-    """The drive in a folder: KITTI odometry, KITTI raw, or a folder of scans of the user's own (`UserFolder`).
+class Loader(Protocol):
+    """A class of data sets, as `DATASETS` names it.
 
-    `path` may be KITTI odometry's root, its `sequences` folder or one sequence; of KITTI raw the root, a date or a
-    drive (`..._sync`). `sequence` ('04'; '0005') picks one where there are several. `sensor` (see `load_sensor`)
-    overrides what the folder says. Raises InputError where nothing fits, saying what was looked for.
+    Attributes:
+        LAYOUT: The files by which it is recognised, for the message where nothing fits.
+    """
+
+    LAYOUT: str
+
+    @staticmethod
+    def drives(path: Path) -> dict[str, Path]:
+        """The drives at or under a path by their names; none where it is something else.
+
+        A path that is one drive without a name to choose it by gives {"": path}.
+        """
+        ...
+
+    def __call__(self, path: Path, sensor: str | Path | None) -> Dataset:
+        """The data set of a drive; `sensor` overrides what its folder says (see `load_sensor`)."""
+        ...
+
+
+FOLDER = "folder"
+#: Kinds of data sets, in the order in which they are tried.
+DATASETS = Registry[Dataset](
+    "data set",
+    {
+        "kitti-odometry": "slam.data.kitti_odometry:KittiOdometry",
+        "kitti-raw": "slam.data.kitti_raw:KittiRaw",
+        FOLDER: "slam.data.folder:UserFolder",
+    },
+    "lidarlift.datasets",
+)
+
+
+def open_dataset(path: str | Path, sequence: str | None = None, sensor: str | Path | None = None) -> Dataset:
+    """The drive in a folder: KITTI odometry, KITTI raw, a kind that another package adds, or a folder of scans.
+
+    Args:
+        path: KITTI odometry's root, its `sequences` folder or one sequence; of KITTI raw the root, a date or a drive
+            (`..._sync`); or a folder of scans of the user's own (`UserFolder`).
+        sequence: Picks one where there are several ('04'; '0005').
+        sensor: Overrides what the folder says of the LiDAR (see `load_sensor`).
+
+    Raises:
+        InputError: Nothing fits; the message says what was looked for.
     """
     path = Path(path).expanduser()
-    if not path.is_dir():
-        fault = "is a file, not a folder with scans" if path.exists() else "no such folder"
-        raise InputError(f"{path}: {fault}; name the folder of a drive")
+    if not path.exists():
+        raise InputError(f"{path}: no such folder; name the folder of a drive")
     path = path.resolve() if ".." in path.parts else path.absolute()  # symbolic links stay: poses/ may lie beside them
-    sequences, drives = _odometry_sequences(path), _raw_drives(path)
-    if sequences:
-        return KittiOdometry(_pick(path, sequences, sequence, "sequence"), sensor)
-    if drives:
-        return KittiRaw(_pick(path, drives, sequence, "drive"), sensor)
-    if scans_in(path):
-        if sequence is not None:
-            raise InputError(f"{path}: a folder of scans has no sequence '{sequence}'; leave --sequence out")
-        return UserFolder(path, sensor)
-    raise InputError(
-        f"{path}: no drive found; looked for KITTI odometry (sequences/NN/velodyne/*.bin, or calib.txt beside "
-        "velodyne/), KITTI raw (*_sync/velodyne_points/data/*.bin) and scans (.bin, .pcd, .ply, .npy) in the folder "
-        "itself or in its scans/, velodyne/ or points/"
-    )
-
-
-def _odometry_sequences(path: Path) -> dict[str, Path]:
-    """The sequence folders at or under `path` by their names."""
-    if (path / "velodyne").is_dir():
-        kitti = path.parent.name == "sequences" or (path / "calib.txt").exists()
-        return {path.name: path} if kitti and not (path / "calib.yaml").exists() else {}
-    root = path / "sequences" if (path / "sequences").is_dir() else path
-    found = {folder.parent.name: folder.parent for folder in sorted(root.glob("*/velodyne"))}
-    return found if root.name == "sequences" else {}
-
-
-def _raw_drives(path: Path) -> dict[str, Path]:
-    """The drive folders at or under `path` by their names."""
-    for pattern in (".", "*", "*/*"):
-        found = sorted(path.glob(f"{pattern}/velodyne_points/data"))
+    layouts = []
+    for name in sorted(DATASETS.names(), key=FOLDER.__eq__):  # the folder last: it takes any scans
+        loader: Any = DATASETS.load(name)
+        found = loader.drives(path)
         if found:
-            return {folder.parent.parent.name: folder.parent.parent for folder in found}
-    return {}
+            dataset: Dataset = loader(_pick(path, found, sequence), sensor)
+            return dataset
+        layouts.append(loader.LAYOUT)
+    if path.is_file():
+        raise InputError(f"{path}: is a file, not a folder with scans; name the folder of a drive")
+    raise InputError(f"{path}: no drive found; looked for {', '.join(layouts[:-1])} and {layouts[-1]}")
 
 
-def _pick(path: Path, found: dict[str, Path], wanted: str | None, kind: str) -> Path:
+def _pick(path: Path, found: dict[str, Path], wanted: str | None) -> Path:
     """The one folder that is meant: by its name, its number ('4', '0005'), or by being the only one."""
+    if "" in found:
+        if wanted is not None:
+            raise InputError(f"{path}: a folder of scans has no sequence '{wanted}'; leave --sequence out")
+        return found[""]
     if wanted is None:
         if len(found) == 1:
             return next(iter(found.values()))
-        raise InputError(f"{path}: several {kind}s; name one with --sequence: {', '.join(found)}")
+        raise InputError(f"{path}: several drives; name one with --sequence: {', '.join(found)}")
     matches = [name for name in found if wanted in (name, name.removesuffix("_sync"), name.rpartition("drive_")[2])]
     matches = matches or [name for name in found if wanted.isdigit() and _number(name) == int(wanted)]
     if len(matches) == 1:
         return found[matches[0]]
     if matches:
-        raise InputError(f"{path}: '{wanted}' fits several {kind}s: {', '.join(matches)}; name one in full")
-    raise InputError(f"{path}: no {kind} '{wanted}'; it has {', '.join(found)}")
+        raise InputError(f"{path}: '{wanted}' fits several drives: {', '.join(matches)}; name one in full")
+    raise InputError(f"{path}: no drive '{wanted}'; it has {', '.join(found)}")
 
 
 def _number(name: str) -> int:

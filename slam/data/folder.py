@@ -37,6 +37,13 @@ class UserFolder:
     See `Dataset` for the fields. Raises InputError where a file holds something else than it should.
     """
 
+    LAYOUT = "scans (.bin, .pcd, .ply, .npy) in the folder itself or in its scans/, velodyne/ or points/"
+
+    @staticmethod
+    def drives(path: Path) -> dict[str, Path]:
+        """The folder itself where it has scans. See `Loader`."""
+        return {"": path} if scans_in(path) else {}
+
     def __init__(self, path: Path, sensor: str | Path | None = None) -> None:
         self.path = path
         self.name = path.resolve().name

@@ -31,6 +31,18 @@ class KittiOdometry(KittiDrive):
     for the fields. Raises InputError where there are no scans or a file holds something else than it should.
     """
 
+    LAYOUT = "KITTI odometry (sequences/NN/velodyne/*.bin, or calib.txt beside velodyne/)"
+
+    @staticmethod
+    def drives(path: Path) -> dict[str, Path]:
+        """The sequence folders at or under a path by their names. See `Loader`."""
+        if (path / "velodyne").is_dir():
+            kitti = path.parent.name == "sequences" or (path / "calib.txt").exists()
+            return {path.name: path} if kitti and not (path / "calib.yaml").exists() else {}
+        root = path / "sequences" if (path / "sequences").is_dir() else path
+        found = {folder.parent.name: folder.parent for folder in sorted(root.glob("*/velodyne"))}
+        return found if root.name == "sequences" else {}
+
     def __init__(self, path: Path, sensor: str | Path | None = None) -> None:
         maker = path.parent.parent.name if (path / "sensor.yaml").is_file() else "KITTI odometry"  # another's sensor
         self.name = f"{maker} {path.name}"

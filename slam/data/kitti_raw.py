@@ -29,6 +29,17 @@ class KittiRaw(KittiDrive):
     or a file holds something else than it should.
     """
 
+    LAYOUT = "KITTI raw (*_sync/velodyne_points/data/*.bin)"
+
+    @staticmethod
+    def drives(path: Path) -> dict[str, Path]:
+        """The drive folders at or under a path by their names. See `Loader`."""
+        for pattern in (".", "*", "*/*"):
+            found = sorted(path.glob(f"{pattern}/velodyne_points/data"))
+            if found:
+                return {folder.parent.parent.name: folder.parent.parent for folder in found}
+        return {}
+
     def __init__(self, path: Path, sensor: str | Path | None = None) -> None:
         self.name = f"KITTI raw {path.name.removesuffix('_sync')}"
         lasers = kitti_sensor(path, sensor, motion_compensated=False)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from eval.compare import compare_runs
-from eval.evaluation import evaluate, write_json
-from eval.tables import COLUMNS, comparison_markdown, format_comparison
+from eval.evaluation import evaluate_poses, write_json
+from eval.metrics import RunMetrics
+from eval.tables import COMPARISON_COLUMNS, comparison_markdown, format_comparison
 from slam.data.errors import InputError
 from slam.data.pose_files import tum_text
 
@@ -37,8 +38,8 @@ def run_folder(tmp_path):
         (folder / "timings.csv").write_text("frame,points\n0,9000\n1,30000\n2,10000\n")
         (folder / "odometry_tum.txt").write_text(tum_text(np.arange(101.0), line(length)))
         if reference:
-            metrics = {"slam": evaluate(line(length), line(reference)), "odometry": None, "protocol": {}}
-            write_json(folder / "metrics.json", metrics)
+            metrics = evaluate_poses(line(length), line(reference))
+            write_json(folder / "metrics.json", RunMetrics(metrics, metrics).as_dict())
         return folder
 
     return write
@@ -46,27 +47,41 @@ def run_folder(tmp_path):
 
 def test_the_figures_of_each_input(run_folder):
     comparison = compare_runs({"16": run_folder("a", 101.0, failed=2), "64": run_folder("b", 100.0)})
-    json.dumps(comparison, allow_nan=False)
-    sixteen, sixty_four = comparison["inputs"]["16"], comparison["inputs"]["64"]
-    assert sixteen["ate_m"] == pytest.approx(0.01 * np.std(np.linspace(0, 100, 101)), abs=1e-6)
-    assert sixteen["rpe_m"] == pytest.approx(0.01)
-    assert sixteen["drift_percent"] == pytest.approx(1.0, rel=0.03)
-    assert sixteen["drift_name"] == "short drive, 50 m"
-    assert (sixteen["frames"], sixteen["failed"], sixteen["loops"], sixteen["path_m"]) == (101, 2, 7, 101.0)
-    assert (sixteen["map_points"], sixteen["points_per_scan"]) == (1_234_567, 10_000)
-    assert (sixteen["front_end_ms"], sixteen["odometry_ms"]) == (1.25, 12.5)
-    assert sixteen["to_64_m"] == pytest.approx(sixteen["ate_m"], abs=1e-6)
-    assert sixteen["table_iii_m"]["mean"] == pytest.approx(0.01)
-    assert sixty_four["to_64_m"] is None
-    assert (sixty_four["ate_m"], sixty_four["failed"]) == (pytest.approx(0, abs=1e-9), 0)
-    assert list(sixteen) == list(sixty_four)
+    sixteen, sixty_four = comparison.inputs["16"], comparison.inputs["64"]
+    assert sixteen.ate_m == pytest.approx(0.01 * np.std(np.linspace(0, 100, 101)), abs=1e-6)
+    assert sixteen.rpe_m == pytest.approx(0.01)
+    assert sixteen.drift_percent == pytest.approx(1.0, rel=0.03)
+    assert sixteen.drift_name == "short drive, 50 m"
+    assert (sixteen.frames, sixteen.failed, sixteen.loops, sixteen.path_m) == (101, 2, 7, 101.0)
+    assert (sixteen.map_points, sixteen.points_per_scan) == (1_234_567, 10_000)
+    assert (sixteen.front_end_ms, sixteen.odometry_ms) == (1.25, 12.5)
+    assert sixteen.to_64_m == pytest.approx(sixteen.ate_m, abs=1e-6)
+    assert sixteen.table_iii_m.mean == pytest.approx(0.01)
+    assert sixty_four.to_64_m is None
+    assert (sixty_four.ate_m, sixty_four.failed) == (pytest.approx(0, abs=1e-9), 0)
+
+
+def test_compare_json_keeps_its_keys(run_folder, tmp_path):
+    comparison = compare_runs({"16": run_folder("a", 101.0), "64": run_folder("b", 100.0)})
+    write_json(tmp_path / "compare.json", comparison.as_dict())
+    content = json.loads((tmp_path / "compare.json").read_text())
+    assert list(content) == ["inputs", "protocol"]
+    assert list(content["inputs"]) == ["16", "64"]
+    for figures in content["inputs"].values():
+        assert list(figures) == [
+            "ate_m", "table_iii_m", "rpe_m", "rpe_deg", "drift_percent", "drift_deg_per_100m", "drift_name", "notes",
+            "path_m", "frames", "failed", "loops", "map_points", "points_per_scan", "front_end_ms", "odometry_ms",
+            "to_64_m",
+        ]  # fmt: skip
+        assert list(figures["table_iii_m"]) == ["rmse", "mean", "median", "std", "min", "max", "sse"]
+    assert content["inputs"]["64"]["to_64_m"] is None
 
 
 def test_a_row_an_input(run_folder):
     folders = {"16": run_folder("a", 101.0, failed=2), "enriched": run_folder("b", 100.0)}
     text = format_comparison(compare_runs(folders))
     above, below, _, sixteen, enriched = text.splitlines()[:5]
-    words = " ".join(title for title, _, _ in COLUMNS).split()
+    words = " ".join(title for title, _, _ in COMPARISON_COLUMNS).split()
     assert sorted([*above.split(), *below.split()]) == sorted(["Input", *words])
     assert sixteen.split()[0] == "16"
     assert sixteen.split()[-8:] == ["101.0", "101", "2", "7", "1,234,567", "10,000", "1.2", "12.5"]
@@ -78,7 +93,7 @@ def test_a_row_an_input(run_folder):
 
 def test_no_ground_truth(run_folder):
     comparison = compare_runs({"64": run_folder("a", 100.0, reference=None)})
-    assert comparison["inputs"]["64"]["ate_m"] is None
+    assert comparison.inputs["64"].ate_m is None
     row = format_comparison(comparison).splitlines()[3]
     assert row.split() == ["64", *6 * ["-"], "100.0", "101", "0", "7", "1,234,567", "10,000", "1.2", "12.5"]
     assert "64: no ground truth" in format_comparison(comparison)
@@ -86,9 +101,9 @@ def test_no_ground_truth(run_folder):
 
 def test_a_drive_too_short_for_drift(run_folder):
     comparison = compare_runs({"64": run_folder("a", 5.0, reference=5.0)})
-    figures = comparison["inputs"]["64"]
-    assert figures["drift_percent"] is None
-    assert figures["ate_m"] is not None
+    figures = comparison.inputs["64"]
+    assert figures.drift_percent is None
+    assert figures.ate_m is not None
     assert "64: no drift, the reference's path of 5.0 m" in format_comparison(comparison)
 
 
@@ -97,7 +112,7 @@ def test_the_same_tables_in_markdown(run_folder):
     lines = comparison_markdown(comparison, "A drive").splitlines()
     assert lines[0] == "# A drive"
     header, sixteen = lines[2], next(line for line in lines if line.startswith("| 16 |"))
-    assert header.count("|") == sixteen.count("|") == len(COLUMNS) + 2
+    assert header.count("|") == sixteen.count("|") == len(COMPARISON_COLUMNS) + 2
     assert "| 16 | 0.010 | 0.010 | 0.010 | 0.010 | 0.000 |" in lines  # Table III: max, mean, min, rmse, std
 
 

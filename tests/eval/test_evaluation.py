@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from eval.evaluation import evaluate, evaluate_files, evaluate_run, finite, write_json
-from eval.tables import format_table
-from eval.trajectory import STATISTICS
+from eval.evaluation import evaluate_files, evaluate_poses, evaluate_run, finite, write_json
+from eval.metrics import RunMetrics
+from eval.tables import format_metrics
 from slam.data import se3
 from slam.data.errors import InputError
 from slam.data.pose_files import kitti_text, tum_text
@@ -40,57 +40,44 @@ def write(tmp_path):
     return write
 
 
-def assert_strict_json(value):
-    json.dumps(value, allow_nan=False)
-
-
-def test_structure_of_the_metrics():
-    metrics = evaluate(drive() @ se3.exp(np.array([0, 0, 0.01, 0, 0, 0])), drive())
-    for statistics in (*metrics["ate"].values(), *metrics["rpe"].values(), metrics["paper_table_iii"]):
-        assert tuple(statistics) == STATISTICS
-    assert tuple(metrics["ate"]) == ("aligned", "origin", "unaligned")
-    assert tuple(metrics["rpe"]) == ("frame", "frame_rotation")
-    assert metrics["drift"]["name"] == "short drive, 50 m"
-    assert (
-        metrics["drift"]["body_rotation_removed"]["translation_percent"]
-        < 1e-3
-        < metrics["drift"]["translation_percent"]
-    )
-    assert metrics["path_length_m"] == pytest.approx(79, abs=0.01)
-    assert (metrics["frames"], metrics["notes"]) == (80, [])
-    assert_strict_json(metrics)
+def test_the_figures_of_a_drive():
+    metrics = evaluate_poses(drive() @ se3.exp(np.array([0, 0, 0.01, 0, 0, 0])), drive())
+    assert metrics.drift.name == "short drive, 50 m"
+    assert metrics.drift.body_rotation_removed.translation_percent < 1e-3 < metrics.drift.translation_percent
+    assert metrics.path_length_m == pytest.approx(79, abs=0.01)
+    assert (metrics.frames, metrics.notes) == (80, ())
+    assert metrics.ate.origin.rmse > metrics.ate.aligned.rmse
 
 
 def test_a_standing_trajectory_is_evaluated_and_said_so():
     noise = 0.01 * np.random.default_rng(0).normal(size=(20, 3))
     estimate = standing()
     estimate[:, :3, 3] += noise
-    metrics = evaluate(estimate, standing())
-    assert metrics["ate"]["aligned"]["rmse"] < 0.03
-    assert metrics["drift"]["translation_percent"] is None
-    assert any("not unique" in note for note in metrics["notes"])
-    assert_strict_json(metrics)
-    assert "no drift, the reference's path of 0.0 m is shorter than 12 m" in format_table({"run": metrics})
+    metrics = evaluate_poses(estimate, standing())
+    assert metrics.ate.aligned.rmse < 0.03
+    assert metrics.drift.translation_percent is None
+    assert any("not unique" in note for note in metrics.notes)
+    assert "no drift, the reference's path of 0.0 m is shorter than 12 m" in format_metrics({"run": metrics})
 
 
 def test_equal_kitti_files(write):
     metrics = evaluate_files(write("a.txt", drive()), write("b.txt", drive()))
-    assert metrics["ate"]["unaligned"]["max"] == pytest.approx(0, abs=1e-9)
-    assert metrics["protocol"]["association"] == "equal numbers of poses, in order"
-    assert metrics["protocol"]["frame"] == "estimate: LiDAR axes; reference: LiDAR axes"
+    assert metrics.ate.unaligned.max == pytest.approx(0, abs=1e-9)
+    assert metrics.protocol["association"] == "equal numbers of poses, in order"
+    assert metrics.protocol["frame"] == "estimate: LiDAR axes; reference: LiDAR axes"
 
 
 def test_tum_files_are_associated_by_stamp(write):
     estimate = write("a.txt", drive(), stamps() + 0.004)
     metrics = evaluate_files(estimate, write("b.txt", drive()[20:60], stamps()[20:60]))
-    assert metrics["frames"] == 40
-    assert metrics["ate"]["unaligned"]["max"] == pytest.approx(0, abs=1e-6)
-    assert "40 of 80 frames have a reference" in metrics["notes"][0]
+    assert metrics.frames == 40
+    assert metrics.ate.unaligned.max == pytest.approx(0, abs=1e-6)
+    assert "40 of 80 frames have a reference" in metrics.notes[0]
 
 
 def test_tum_against_kitti_needs_equal_lengths(write):
     estimate = write("a.txt", drive(), stamps())
-    assert evaluate_files(estimate, write("b.txt", drive()))["frames"] == 80
+    assert evaluate_files(estimate, write("b.txt", drive())).frames == 80
     with pytest.raises(InputError, match=r"80 poses, .*c\.txt 79.*equally long"):
         evaluate_files(estimate, write("c.txt", drive(79)))
 
@@ -113,8 +100,8 @@ def test_lidar_against_camera_is_refused_without_calib(write, tmp_path):
     with pytest.raises(InputError, match=r"LiDAR trajectory .* camera 0 .*--calib calib\.txt"):
         evaluate_files(estimate, reference)
     metrics = evaluate_files(estimate, reference, calib)
-    assert metrics["ate"]["unaligned"]["max"] < 1e-6
-    assert "calib.txt" in metrics["protocol"]["reference"]
+    assert metrics.ate.unaligned.max < 1e-6
+    assert "calib.txt" in metrics.protocol["reference"]
     with pytest.raises(InputError, match="leave it out"):
         evaluate_files(estimate, estimate, calib)
 
@@ -150,18 +137,45 @@ def test_a_run_folder(write, tmp_path):
     assert not (tmp_path / "metrics.json").exists()
     write("ground_truth_tum.txt", drive(70), stamps(70))
     result = evaluate_run(tmp_path)
-    assert tuple(result) == ("slam", "odometry", "protocol")
-    assert json.loads((tmp_path / "metrics.json").read_text()) == result
-    assert result["slam"]["frames"] == 70
-    assert result["slam"]["ate"]["aligned"]["rmse"] < 1e-6 < result["odometry"]["ate"]["aligned"]["rmse"]
+    assert RunMetrics.from_dict(json.loads((tmp_path / "metrics.json").read_text())) == result
+    assert result.slam.frames == 70
+    assert result.slam.ate.aligned.rmse < 1e-6 < result.odometry.ate.aligned.rmse
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+
+def test_metrics_json_keeps_its_keys(write, tmp_path):
+    """What others read: a run's files are a contract."""
+    for name in ("trajectory_tum.txt", "odometry_tum.txt", "ground_truth_tum.txt"):
+        write(name, drive(), stamps())
+    evaluate_run(tmp_path)
+    content = json.loads((tmp_path / "metrics.json").read_text())
+    assert list(content) == ["slam", "odometry", "protocol"]
+    seven = ["rmse", "mean", "median", "std", "min", "max", "sse"]
+    for metrics in (content["slam"], content["odometry"]):
+        assert list(metrics) == [
+            "frames", "path_length_m", "reference_path_length_m", "ate", "rpe", "drift", "paper_table_iii", "notes",
+        ]  # fmt: skip
+        assert list(metrics["ate"]) == ["aligned", "origin", "unaligned"]
+        assert list(metrics["rpe"]) == ["frame", "frame_rotation"]
+        for statistics in (*metrics["ate"].values(), *metrics["rpe"].values(), metrics["paper_table_iii"]):
+            assert list(statistics) == seven
+        assert list(metrics["drift"]) == [
+            "translation_percent", "rotation_deg_per_100m", "lengths_m", "segments", "name", "body_rotation_removed",
+            "reason",
+        ]  # fmt: skip
+        assert list(metrics["drift"]["body_rotation_removed"]) == [
+            "translation_percent", "rotation_deg_per_100m", "rotation_deg",
+        ]  # fmt: skip
+    assert list(content["protocol"]) == [
+        "ate", "rpe", "paper_table_iii", "drift", "drift.body_rotation_removed", "software", "association", "frame",
+    ]  # fmt: skip
 
 
 def test_a_run_with_truth_in_camera_axes_is_noted(write, tmp_path):
     for name in ("trajectory_tum.txt", "odometry_tum.txt"):
         write(name, drive(), stamps())
     write("ground_truth_tum.txt", T_CAMERA0_LIDAR @ drive() @ se3.inverse(T_CAMERA0_LIDAR), stamps())
-    assert any("do not look like poses of a LiDAR" in note for note in evaluate_run(tmp_path)["slam"]["notes"])
+    assert any("do not look like poses of a LiDAR" in note for note in evaluate_run(tmp_path).slam.notes)
 
 
 def test_a_run_without_its_trajectory(write, tmp_path):
@@ -178,7 +192,7 @@ def test_json_never_holds_nan(tmp_path):
 
 def test_the_table_prints_each_figure_with_its_protocol(write):
     metrics = evaluate_files(write("a.txt", drive()), write("b.txt", drive()))
-    text = format_table({"a rather long name [of a run]" * 3: metrics}, metrics.pop("protocol"))
+    text = format_metrics({"a rather long name [of a run]" * 3: metrics})
     for part in (
         "SE(3) Umeyama",
         "delta 1 frame",

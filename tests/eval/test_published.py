@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -33,21 +34,21 @@ def evo_statistics(home, *arguments):
 
 
 def test_published_figures(metrics):
-    assert f"{metrics['drift']['translation_percent']:.3f}" == "0.527"
-    assert metrics["ate"]["aligned"]["rmse"] == pytest.approx(3.516, abs=1e-3)
-    assert metrics["drift"]["name"] == "KITTI 100-800 m"
-    assert metrics["reference_path_length_m"] == pytest.approx(3724.2, abs=0.1)
-    assert metrics["frames"] == 4541
+    assert f"{metrics.drift.translation_percent:.3f}" == "0.527"
+    assert metrics.ate.aligned.rmse == pytest.approx(3.516, abs=1e-3)
+    assert metrics.drift.name == "KITTI 100-800 m"
+    assert metrics.reference_path_length_m == pytest.approx(3724.2, abs=0.1)
+    assert metrics.frames == 4541
 
 
 def test_ate_agrees_with_evos_command_line(metrics, tmp_path):
     printed = evo_statistics(tmp_path, "evo_ape", "kitti", REFERENCE, ESTIMATE, "-a")
-    assert printed == pytest.approx(metrics["ate"]["aligned"], abs=1e-5)
+    assert printed == pytest.approx(asdict(metrics.ate.aligned), abs=1e-5)
 
 
 def test_rpe_agrees_with_evos_command_line(metrics, tmp_path):
     printed = evo_statistics(tmp_path, "evo_rpe", "kitti", REFERENCE, ESTIMATE, "-a", "-d", "1", "-u", "f")
-    assert printed == pytest.approx(metrics["paper_table_iii"], abs=1e-5)
+    assert printed == pytest.approx(asdict(metrics.paper_table_iii), abs=1e-5)
 
 
 def test_evaluation_takes_seconds_not_minutes():
