@@ -119,14 +119,14 @@ def _pick(path: Path, found: dict[str, Path], wanted: str | None) -> Path:
     if wanted is None:
         if len(found) == 1:
             return next(iter(found.values()))
-        raise InputError(f"{path}: several drives; name one with --sequence: {', '.join(found)}")
+        raise InputError(f"{path}: several sequences; name one with --sequence: {', '.join(found)}")
     matches = [name for name in found if wanted in (name, name.removesuffix("_sync"), name.rpartition("drive_")[2])]
     matches = matches or [name for name in found if wanted.isdigit() and _number(name) == int(wanted)]
     if len(matches) == 1:
         return found[matches[0]]
     if matches:
-        raise InputError(f"{path}: '{wanted}' fits several drives: {', '.join(matches)}; name one in full")
-    raise InputError(f"{path}: no drive '{wanted}'; it has {', '.join(found)}")
+        raise InputError(f"{path}: '{wanted}' fits several sequences: {', '.join(matches)}; name one in full")
+    raise InputError(f"{path}: no sequence '{wanted}'; it has {', '.join(found)}")
 
 
 def _number(name: str) -> int:

@@ -46,7 +46,7 @@ def test_a_drive_is_found_from_any_level(tmp_path: Path, hdl64_scan: Callable) -
         hdl64_scan(columns=10).tofile(points / "data" / "0000000000.bin")
         (points / "timestamps.txt").write_text("2011-09-26 13:04:32.335337762\n")
     for path in (tmp_path, date):
-        with pytest.raises(InputError, match="several drives"):
+        with pytest.raises(InputError, match="several sequences"):
             open_dataset(path)
         for wanted in ("5", "0005", "2011_09_26_drive_0005", "2011_09_26_drive_0005_sync"):
             assert open_dataset(path, sequence=wanted).name == "KITTI raw 2011_09_26_drive_0005"
@@ -82,3 +82,30 @@ def test_positions_past_the_end_end_a_loop(odometry_root: Path) -> None:
     assert [dataset[i].index for i in range(len(dataset))] == [0, 1, 2]
     with pytest.raises(IndexError):
         dataset[3]
+
+
+def test_another_package_adds_a_kind_of_data_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One whose drives are text files with a point a line."""
+    (tmp_path / "my_loader.py").write_text(
+        "from slam.data.folder import UserFolder\n"
+        "class Text:\n"
+        "    LAYOUT = 'text files (*.drive)'\n"
+        "    @staticmethod\n"
+        "    def drives(path):\n"
+        "        return {file.stem: file for file in sorted(path.glob('*.drive'))}\n"
+        "    def __init__(self, path, sensor):\n"
+        "        self.name, self.path, self.sensor = path.stem, path, sensor\n"
+    )
+    information = tmp_path / "my_loader-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: my-loader\nVersion: 1.0\n")
+    (information / "entry_points.txt").write_text("[lidarlift.datasets]\ntext = my_loader:Text\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "data").mkdir()
+    for name in ("a", "b"):
+        (tmp_path / "data" / f"{name}.drive").touch()
+    assert open_dataset(tmp_path / "data", "b").name == "b"
+    with pytest.raises(InputError, match="several sequences; name one with --sequence: a, b"):
+        open_dataset(tmp_path / "data")
+    with pytest.raises(InputError, match=r"no drive found; looked for KITTI .*, text files \(\*\.drive\) and scans"):
+        open_dataset(information)

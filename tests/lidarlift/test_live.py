@@ -1,0 +1,122 @@
+"""SLAM on scans as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lidarlift
+from slam.data.cloud import Array, PointCloud
+from slam.data.sensor import load_sensor
+
+Drive = Callable[..., Path]
+
+
+def off(poses: Array, truth: Array) -> Array:
+    """(N,) metres."""
+    return np.linalg.norm(poses[:, :3, 3] - truth[:, :3, 3], axis=1)
+
+
+def test_each_scan_has_its_pose_at_once(street_scans: list[Array], street_poses: Array, tmp_path: Path) -> None:
+    with lidarlift.Slam() as slam:
+        for number, scan in enumerate(street_scans):
+            step = slam.add(scan, 0.1 * number)
+            assert step.status == "registered"
+            assert np.linalg.norm(step.pose[:3, 3] - street_poses[number, :3, 3]) < 0.05
+            assert np.linalg.eigvalsh(step.covariance)[0] >= 0
+        assert off(slam.trajectory(), street_poses).max() < 0.05
+        run = slam.finish()
+    assert off(run.poses, street_poses).max() < 0.05
+    assert len(run.map) > 10_000
+    lidarlift.save_run(run, tmp_path / "live")
+    assert '"dataset": "live"' in (tmp_path / "live" / "run.json").read_text()
+
+
+def test_it_is_what_a_data_set_is_run_by(street_drive: Drive, street_scans: list[Array]) -> None:
+    """The same scans from files and by hand, twice the same code: bit for bit."""
+    recorded = lidarlift.run(street_drive(), config="channels-16", overrides=["front_end.vertical_correction_deg=0"])
+    with lidarlift.Slam(config="channels-16", overrides=["front_end.vertical_correction_deg=0"]) as slam:
+        for number, scan in enumerate(street_scans):
+            slam.add(scan, float(f"{0.1 * number:e}"))
+        live = slam.finish()
+    np.testing.assert_array_equal(live.poses, recorded.poses)
+    np.testing.assert_array_equal(live.map.xyz, recorded.map.xyz)
+
+
+def test_rings_are_taken_from_the_sensors_lines(street_scans: list[Array], street_poses: Array) -> None:
+    with lidarlift.Slam(sensor="hdl64", input="enriched", enricher="ray-segment") as slam:
+        steps = [slam.add(scan, 0.1 * number) for number, scan in enumerate(street_scans)]
+        run = slam.finish()
+    assert steps[0].points > 2 * 16 * 600
+    assert off(run.poses, street_poses).max() < 0.2
+
+
+def test_points_come_as_drivers_have_them(street_scans: list[Array]) -> None:
+    scan = street_scans[0]
+    fields = np.zeros(len(scan), [("x", "f4"), ("y", "f4"), ("z", "f4"), ("reflectivity", "u1"), ("ring", "u2")])
+    for column, name in enumerate("xyz"):
+        fields[name] = scan[:, column]
+    fields["ring"] = np.repeat(np.arange(64), 600)
+    with lidarlift.Slam(input="16") as slam:
+        assert slam.add(fields, 0.0).points == 16 * 600
+
+
+def test_a_cloud_that_is_ready_is_taken_as_it_is(street_scans: list[Array]) -> None:
+    cloud = PointCloud(street_scans[0][:, :3], np.zeros(len(street_scans[0])))
+    with lidarlift.Slam() as slam:
+        assert slam.add(cloud, 0.0).points == len(cloud)
+
+
+def test_an_image_colours_the_map(street_scans: list[Array]) -> None:
+    """A camera that looks ahead and sees nothing but red."""
+    T = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])
+    calibration = lidarlift.Calibration(np.array([[300.0, 0, 320], [0, 300, 240], [0, 0, 1]]), T)
+    red = np.full((480, 640, 3), (255, 0, 0), np.uint8)
+    with lidarlift.Slam(calibration=calibration) as slam:
+        for number, scan in enumerate(street_scans[:3]):
+            slam.add(scan, 0.1 * number, red)
+        world = slam.finish().map
+    assert world.colour is not None
+    seen = world.colour.any(axis=1)
+    assert 0.02 < seen.mean() < 0.9
+    assert (world.colour[seen][:, 1:] < 10).all()
+
+
+def test_bad_points_are_told_in_one_line() -> None:
+    with lidarlift.Slam() as slam, pytest.raises(lidarlift.InputError, match=r"scan 0: .* shape \(5, 7\)"):
+        slam.add(np.zeros((5, 7)), 0.0)
+
+
+def test_points_that_are_not_finite_are_left_out_and_counted(street_scans: list[Array]) -> None:
+    scan = street_scans[0].copy()
+    scan[::10, 2] = np.nan
+    with lidarlift.Slam() as slam:
+        assert slam.add(scan, 0.0).points == int(np.isfinite(scan).all(axis=1).sum())
+        assert slam.finish().counts()["non-finite_points"] == 1
+
+
+def test_enriching_needs_a_sensor() -> None:
+    with pytest.raises(lidarlift.InputError, match=r"live: .*the laser lines have to be known"):
+        lidarlift.Slam(input="enriched")
+
+
+def test_a_sensor_of_16_rings_has_no_64() -> None:
+    assert load_sensor("vlp16").ring_count == 16
+    with pytest.raises(lidarlift.InputError, match="vlp16 has no 64 rings"):
+        lidarlift.Slam("vlp16", input="64")
+
+
+def test_nothing_is_added_to_a_finished_run(street_scans: list[Array]) -> None:
+    with lidarlift.Slam() as slam:
+        slam.add(street_scans[0], 0.0)
+        assert slam.finish() is slam.finish()
+        with pytest.raises(ValueError, match="finished"):
+            slam.add(street_scans[1], 0.1)
+
+
+def test_a_speed_that_makes_no_sense_is_refused() -> None:
+    with pytest.raises(lidarlift.InputError, match="sweeps_per_second"):
+        lidarlift.Slam(sweeps_per_second=0)

@@ -1,0 +1,111 @@
+"""SLAM frame by frame: what is known before the end."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+from slam.config import load_config
+from slam.data import se3
+from slam.data.cloud import Array, Frame, PointCloud
+from slam.odometry import OdometryStep
+from slam.pipeline import Slam
+
+SIDE, FRAMES = 24.0, 112  # metres, of a square block that is driven around once and a bit
+
+
+def way() -> Array:
+    """(N, 4, 4): a pose a metre."""
+    corners, poses = np.array([[0, 0], [SIDE, 0], [SIDE, SIDE], [0, SIDE]]), []
+    for metre in np.arange(0.0, FRAMES):
+        side, along = int(metre // SIDE) % 4, metre % SIDE
+        pose = se3.exp(np.array([0, 0, side * np.pi / 2, 0, 0, 0]))
+        pose[:2, 3] = corners[side] + along * np.array([np.cos(side * np.pi / 2), np.sin(side * np.pi / 2)])
+        poses.append(pose)
+    return np.array(poses)
+
+
+def scan(pose: Array) -> PointCloud:
+    """What is within 30 m of posts, boxes and the ground around the block."""
+    rng = np.random.default_rng(1)
+    centres = rng.uniform(-25, SIDE + 25, (120, 1, 2))
+    boxes = centres + rng.uniform(-1, 1, (120, 40, 2)) * rng.uniform(0.2, 2, (120, 1, 2))
+    heights = rng.uniform(-1.7, 3, (120, 40, 1)) * rng.uniform(0.3, 1, (120, 1, 1))
+    ground = np.column_stack([rng.uniform(-30, SIDE + 30, (4000, 2)), np.full(4000, -1.7)])
+    world = np.concatenate([np.concatenate([boxes, heights], axis=2).reshape(-1, 3), ground])
+    local = se3.inverse(pose)
+    points = world @ local[:3, :3].T + local[:3, 3]
+    points = points[np.linalg.norm(points, axis=1) < 30]
+    return PointCloud(points, np.zeros(len(points)))
+
+
+class Drifting:
+    """An odometry that turns 0.03 deg and moves 1 cm too far each metre."""
+
+    def __init__(self) -> None:
+        motion = se3.inverse(way()[:-1]) @ way()[1:]
+        poses = [np.eye(4)]
+        for step in motion:
+            poses.append(poses[-1] @ step @ se3.exp(np.array([0, 0, np.deg2rad(0.03), 0.01, 0, 0])))
+        self.poses, self._next = np.array(poses), 0
+
+    def predict(self, stamp: float) -> Array:
+        return self.poses[self._next]
+
+    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
+        self._next += 1
+        return OdometryStep(self.poses[self._next - 1], 1e-6 * np.eye(6), "registered", None, cloud)
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[Frame]:
+    return [Frame(number, 0.1 * number, scan(pose)) for number, pose in enumerate(way())]
+
+
+def slam() -> Slam:
+    overrides = ["loops.scan_context.min_travelled=60", "pose_graph.held_back=0"]
+    return Slam(load_config(None, overrides), odometry=Drifting())
+
+
+def off(poses: Array) -> Array:
+    return np.linalg.norm(poses[:, :3, 3] - way()[: len(poses), :3, 3], axis=1)
+
+
+def test_the_trajectory_so_far_has_the_loops_so_far(frames: list[Frame]) -> None:
+    with slam() as it:
+        for frame in frames[:90]:
+            it.add(frame)
+        np.testing.assert_array_equal(it.trajectory(), it.result.odometry_poses)  # nothing was passed twice as yet
+        for frame in frames[90:]:
+            it.add(frame)
+        before, now = off(it.result.odometry_poses)[-4:], off(it.trajectory())[-4:]
+        run = it.finish()
+    assert now.max() < 0.5 * before.min()
+    assert off(run.poses)[-4:].max() < 0.5 * before.min()
+    np.testing.assert_array_equal(it.trajectory(), run.poses)
+
+
+def test_asking_for_the_trajectory_changes_nothing(frames: list[Frame]) -> None:
+    """The same code twice: bit for bit."""
+    results = []
+    for every in (7, 1000):
+        with slam() as it:
+            for position, frame in enumerate(frames):
+                it.add(frame)
+                if position % every == every - 1:
+                    it.trajectory()
+            results.append(it.finish())
+    assert results[0].mapping is not None
+    assert results[0].mapping.loops > 0
+    np.testing.assert_array_equal(results[0].poses, results[1].poses)
+
+
+def test_an_exception_stops_the_thread(frames: list[Frame]) -> None:
+    it = slam()
+    with suppress(KeyboardInterrupt), it:
+        it.add(frames[0])
+        raise KeyboardInterrupt
+    with pytest.raises(RuntimeError, match="shutdown"):
+        it.add(frames[1])
