@@ -200,13 +200,5 @@ Points = tuple[Array, Array]  # xyz (N, 3) and weights (N,), float32
 
 def _target(settings: OdometrySettings) -> Target:
     if settings.registration == "ndt":
-        return NdtTarget(
-            settings.cell_sizes,
-            min_points=settings.min_points,
-            max_points=settings.max_points,
-            floor=settings.floor,
-            neighbours=settings.neighbours,
-            kernel=settings.kernel,
-            max_iterations=settings.max_iterations,
-        )
-    return IcpTarget(planes=settings.registration == "icp-point-to-plane", max_iterations=settings.max_iterations)
+        return NdtTarget(settings=settings)
+    return IcpTarget(settings.max_iterations)

@@ -33,7 +33,7 @@ class FrontEndSettings(Settings):
 class OdometrySettings(Settings):
     """Scan registration, frame by frame."""
 
-    registration: Literal["ndt", "icp-point-to-point", "icp-point-to-plane"] = "ndt"
+    registration: Literal["ndt", "icp-point-to-plane"] = "ndt"
     target: Literal["map", "scan"] = "map"  # scan: the one before, as the paper has it; drifts 3 to 7 times more
     min_range: float = Field(2.5, ge=0)  # m; nearer is the car itself
     max_range: float = Field(80.0, gt=0)  # m

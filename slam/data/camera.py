@@ -12,7 +12,7 @@ from slam.data.cloud import Array, Calibration, PointCloud
 #: A point is hidden behind a return that is nearer by more than the larger of metres and share of its depth, and at
 #: most so many rows and columns of pixels away: the LiDAR stands higher and looks over things.
 NEARER, NEARER_SHARE = 1.0, 0.05
-ROWS, COLUMNS = 4, 3
+WINDOW_ROWS, WINDOW_COLUMNS = 4, 3
 
 
 def project(xyz: Array, calibration: Calibration) -> tuple[Array, Array]:
@@ -40,7 +40,7 @@ def visible(pixels: Array, depth: Array, shape: tuple[int, ...]) -> Array:
     column, row = _nearest_pixel(pixels[shown])
     nearest = np.full((height, width), np.inf)
     np.minimum.at(nearest, (row, column), depth[shown])
-    around = minimum_filter(nearest, (2 * ROWS + 1, 2 * COLUMNS + 1), mode="nearest")[row, column]
+    around = minimum_filter(nearest, (2 * WINDOW_ROWS + 1, 2 * WINDOW_COLUMNS + 1), mode="nearest")[row, column]
     inside[shown] = depth[shown] - around <= np.maximum(NEARER, NEARER_SHARE * depth[shown])
     return inside
 

@@ -14,7 +14,7 @@ from slam.data.yaml_files import nearest
 #: The HDL-64E's rings next to the nine VLP-16 beams that lie in its field of view.
 VLP16_RINGS = (5, 11, 17, 23, 29, 34, 38, 42, 46)
 #: Azimuth columns of the HDL-64E: 0.18 degrees each.
-COLUMNS = 2000
+POOL_COLUMNS = 2000
 POOL = 4  # rings averaged into one
 PATTERNS = ("every-4th", "vlp16", "average-pool")
 
@@ -75,20 +75,20 @@ def average_pool(cloud: PointCloud, sensor: Sensor) -> PointCloud:
         raise InputError(f"ring {cloud.ring.max()} in a scan, but {sensor.name} has {sensor.ring_count} rings")
     xyz = cloud.xyz.astype(np.float64)
     azimuth = np.arctan2(xyz[:, 1], xyz[:, 0])
-    column = ((azimuth / (2 * np.pi) + 0.5) * COLUMNS).astype(np.int64) % COLUMNS
-    cell = (cloud.ring // POOL).astype(np.int64) * COLUMNS + column
+    column = ((azimuth / (2 * np.pi) + 0.5) * POOL_COLUMNS).astype(np.int64) % POOL_COLUMNS
+    cell = (cloud.ring // POOL).astype(np.int64) * POOL_COLUMNS + column
     groups = -(-sensor.ring_count // POOL)
-    count = np.bincount(cell, minlength=groups * COLUMNS)
+    count = np.bincount(cell, minlength=groups * POOL_COLUMNS)
     kept = np.flatnonzero(count)
 
     def mean(values: Array) -> Array:
         return np.bincount(cell, values, len(count))[kept] / count[kept]
 
     reach = mean(np.sqrt(xyz[:, 0] ** 2 + xyz[:, 1] ** 2 + (xyz[:, 2] - sensor.offset[cloud.ring]) ** 2))
-    group = kept // COLUMNS
+    group = kept // POOL_COLUMNS
     lines = pooled(sensor)
     elevation, offset = lines.elevation[group], lines.offset[group]
-    azimuth = ((kept % COLUMNS + 0.5) / COLUMNS - 0.5) * 2 * np.pi
+    azimuth = ((kept % POOL_COLUMNS + 0.5) / POOL_COLUMNS - 0.5) * 2 * np.pi
     rho = reach * np.cos(elevation)
     return PointCloud(
         xyz=np.column_stack([rho * np.cos(azimuth), rho * np.sin(azimuth), reach * np.sin(elevation) + offset]),

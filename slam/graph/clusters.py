@@ -9,7 +9,7 @@ import numpy as np
 from slam.data import se3
 from slam.graph.pose_graph import Edge, chained, reversed_edge
 
-REACH = 10  # poses between two loops of a cluster, at most, along either pass
+CLUSTER_REACH = 10  # poses between two loops of a cluster, at most, along either pass
 QUANTILES = {0.5: 5.348, 0.9999: 27.86}  # of chi^2(6)
 FEWEST_PAIRS = 20  # neighbours that it takes to judge the noise
 MARGIN = 10.0  # how many times smaller than seen among neighbours the noise is never taken to be
@@ -36,7 +36,7 @@ class LoopClusters:
         waiting = np.array(sorted(range(len(self._loops)), key=lambda n: (*self._ends[n], n)), dtype=int)
         while len(waiting):
             first, rest = int(waiting[0]), waiting[1:]
-            near = np.abs(self._ends[rest] - self._ends[first]).max(axis=1) <= REACH
+            near = np.abs(self._ends[rest] - self._ends[first]).max(axis=1) <= CLUSTER_REACH
             joins = near.copy()
             joins[near] = [self._disagreement(first, int(n)) < self.threshold for n in rest[near]]
             groups.append([first, *(int(n) for n in rest[joins])])
@@ -56,9 +56,9 @@ class LoopClusters:
     def _nearest(self, n: int) -> int | None:
         """The loop whose ends are nearest to those of loop n, where one is within reach."""
         apart = np.abs(self._ends - self._ends[n]).max(axis=1)
-        apart[n] = REACH + 1
+        apart[n] = CLUSTER_REACH + 1
         nearest = int(apart.argmin())
-        return nearest if apart[nearest] <= REACH else None
+        return nearest if apart[nearest] <= CLUSTER_REACH else None
 
     def _disagreement(self, first: int, second: int) -> float:
         """Squared Mahalanobis distance of the cycle that two loops close through the odometry."""

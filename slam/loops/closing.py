@@ -9,7 +9,7 @@ import numpy as np
 from slam.data import se3
 from slam.data.cloud import Array
 from slam.graph.ledger import LoopCandidate
-from slam.loops.scan_context import Candidate, ScanContext, levelled, submap
+from slam.loops.scan_context import Candidate, ScanContext, levelled, levelled_submap
 from slam.loops.verification import Verification, Verifier
 from slam.mapping.keyframes import Keyframe
 from slam.settings import LoopSettings
@@ -59,7 +59,7 @@ class LoopSearch:
             near.append(keyframe)
         near.reverse()
         poses, way = np.array([keyframe.pose for keyframe in near]), np.array([keyframe.way for keyframe in near])
-        return submap([keyframe.cloud.xyz for keyframe in near], poses, way, length)
+        return levelled_submap([keyframe.cloud.xyz for keyframe in near], poses, way, length)
 
 
 def _guess(match: Array, query: Array, candidate: Candidate) -> Array:

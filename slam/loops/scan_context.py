@@ -71,7 +71,7 @@ def distance(a: Array, b: Array) -> tuple[float, float]:
     return float(distances[0, 0]), float(_yaw(shifts[0, 0], a.shape[1]))
 
 
-def submap(clouds: Sequence[Array], poses: Array, travelled: Array, length: float) -> Array:
+def levelled_submap(clouds: Sequence[Array], poses: Array, travelled: Array, length: float) -> Array:
     """One cloud (N, 3) float32 of the last keyframe and those at most `length` [m] of way before it.
 
     clouds  (Nk, 3) float32, each in its keyframe's frame;  poses  (K, 4, 4) T_world_lidar;  travelled  (K,) [m]

@@ -10,11 +10,11 @@ from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.mapping import kernels
 from slam.mapping.keyframes import Keyframe
-from slam.mapping.visibility import ROWS, RangeImage
+from slam.mapping.visibility import SPHERE_ROWS, RangeImage
 from slam.mapping.voxel_averages import VoxelAverages
 from slam.settings import MapSettings
 
-REACH = 40.0  # m: further beams are too far apart, and a small error of a pose moves them too much
+CARVING_REACH = 40.0  # m: further beams are too far apart, and a small error of a pose moves them too much
 MARGIN, SHARE = 0.4, 0.04  # m, and share of the distance: what lies less behind a voxel may be the voxel itself
 PASSES, TIMES = 2, 2  # keyframes at least that saw through an empty voxel: more than so many times those that hit it
 TILE = 10.0  # m: voxels are looked up by squares of that width
@@ -54,8 +54,8 @@ class GlobalMap(VoxelAverages):
         tiles = _Tiles(self._keys[: self._count], self.size)
         for view, pose in views:
             kernels.pass_through(
-                view.passed(), view.first_row, ROWS, se3.inverse(pose), REACH, MARGIN, SHARE,
-                tiles.order, *tiles.around(pose[:2, 3], REACH), self._keys, self._sums, self.size, self._passes,
+                view.passed(), view.first_row, SPHERE_ROWS, se3.inverse(pose), CARVING_REACH, MARGIN, SHARE,
+                tiles.order, *tiles.around(pose[:2, 3], CARVING_REACH), self._keys, self._sums, self.size, self._passes,
             )  # fmt: skip
 
     def points(self) -> PointCloud:

@@ -11,12 +11,12 @@ import numpy as np
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.mapping.spill import Spill
-from slam.mapping.visibility import COLUMNS, RangeImage
+from slam.mapping.visibility import SPHERE_COLUMNS, RangeImage
 from slam.mapping.voxel_averages import VoxelAverages
 from slam.settings import KeyframeSettings
 
 RECENT = 32  # keyframes that stay unpacked: the surroundings of a query and of its candidates; 3 MB each
-STEP = 0.003  # m: coordinates are kept as whole multiples of it in 16 bits, which reach 98 m; noise is 20 mm
+COORDINATE_STEP = 0.003  # m: coordinates are kept as whole multiples of it in 16 bits, which reach 98 m; noise is 20 mm
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ class Keyframes(Sequence[Keyframe]):
 
 def _packed(cloud: PointCloud, view: RangeImage) -> bytes:
     """Points, whether they have colour, the view's first row; coordinates, intensities, colours; the view."""
-    steps = np.round(cloud.xyz / np.float32(STEP))
+    steps = np.round(cloud.xyz / np.float32(COORDINATE_STEP))
     within = (np.abs(steps) < 1 << 15).all(axis=1)
     header = np.array([within.sum(), cloud.colour is not None, view.first_row], np.int32)
     intensity = np.round(255 * np.clip(cloud.intensity[within], 0, 1)).astype(np.uint8)
@@ -127,9 +127,9 @@ def _packed(cloud: PointCloud, view: RangeImage) -> bytes:
 
 def _unpacked(block: bytes) -> tuple[PointCloud, RangeImage]:
     points, coloured, first_row = np.frombuffer(block, np.int32, 3).tolist()
-    xyz = np.frombuffer(block, np.int16, 3 * points, 12).reshape(-1, 3) * np.float32(STEP)
+    xyz = np.frombuffer(block, np.int16, 3 * points, 12).reshape(-1, 3) * np.float32(COORDINATE_STEP)
     at = 12 + 6 * points
     intensity = np.frombuffer(block, np.uint8, points, at) / np.float32(255)
     colour = np.frombuffer(block, np.uint8, 3 * points, at + points).reshape(-1, 3) if coloured else None
-    nearest = np.frombuffer(block, np.uint16, offset=at + (4 if coloured else 1) * points).reshape(-1, COLUMNS)
+    nearest = np.frombuffer(block, np.uint16, offset=at + (4 if coloured else 1) * points).reshape(-1, SPHERE_COLUMNS)
     return PointCloud(xyz, intensity, colour=colour), RangeImage(first_row, nearest)

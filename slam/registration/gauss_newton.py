@@ -35,21 +35,19 @@ class Linearisation:
     score: float
 
 
-def minimise(linearise: Callable[[Array], Linearisation], guess: Array, max_iterations: int) -> tuple[Array, int, bool]:
-    """Steps from `guess` (4, 4) until one is below the thresholds: pose, steps taken, whether that happened."""
+def minimise(linearise: Callable[[Array], Linearisation], guess: Array, max_iterations: int) -> tuple[Array, bool]:
+    """Steps from `guess` (4, 4) until one is below the thresholds: the pose, and whether that happened."""
     pose = guess
-    for iteration in range(1, max_iterations + 1):
+    for _ in range(max_iterations):
         model = linearise(pose)
         step = -_solve(model.H, model.gradient)
         pose = _perturbed(pose, step)
         if np.linalg.norm(step[:3]) < STOP_ROTATION and np.linalg.norm(step[3:]) < STOP_TRANSLATION:
-            return pose, iteration, True
-    return pose, max_iterations, False
+            return pose, True
+    return pose, False
 
 
-def result(
-    model: Linearisation, pose: Array, iterations: int, converged: bool, xyz: Array, scores: Array
-) -> RegistrationResult:
+def result(model: Linearisation, pose: Array, converged: bool, xyz: Array, scores: Array) -> RegistrationResult:
     """The model at the final pose, in the source's axes, with its covariances; `scores` (N, 6) are the points' (N, 3)
     parts of the gradient."""
     turn = np.zeros((6, 6))
@@ -63,8 +61,6 @@ def result(
         sandwich=_solve(H, _solve(H, scatter).T) + LEAST_VARIANCE * np.eye(6),
         inlier_ratio=model.inlier_ratio,
         overlap=model.overlap,
-        score=model.score,
-        iterations=iterations,
         converged=converged,
     )
 

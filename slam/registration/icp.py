@@ -1,6 +1,4 @@
-"""Iterative closest points: the paper's eq. 3 (point-to-point, Besl & McKay 1992) and its point-to-plane form
-(Chen & Medioni 1992). Here as the counter-example to NDT, from scan to scan.
-"""
+"""Iterative closest points, point-to-plane (Chen & Medioni 1992): the counter-example to NDT, from scan to scan."""
 
 from __future__ import annotations
 
@@ -18,10 +16,10 @@ NORMAL_NEIGHBOURS = 10
 
 
 class IcpTarget:
-    """The points of the last scan, in a k-d tree; with their normals where planes are asked for."""
+    """The points of the last scan in a k-d tree, with their normals."""
 
-    def __init__(self, *, planes: bool, max_iterations: int) -> None:
-        self.planes, self.max_iterations = planes, max_iterations
+    def __init__(self, max_iterations: int) -> None:
+        self.max_iterations = max_iterations
         self.clear()
 
     def __len__(self) -> int:
@@ -36,8 +34,7 @@ class IcpTarget:
         del weight
         self._points = xyz @ pose[:3, :3].T + pose[:3, 3]
         self._tree = cKDTree(self._points)
-        if self.planes:
-            self._normals = _normals(self._points, self._tree)
+        self._normals = _normals(self._points, self._tree)
 
     def evict(self, centre: Array, radius: float) -> None:
         """Nothing to forget: one scan is all there is."""
@@ -47,10 +44,10 @@ class IcpTarget:
 
     def align(self, xyz: Array, weight: Array, guess: Array) -> RegistrationResult:
         """Pose of the points (N, 3), weights (N,), in the target from `guess` (4, 4), pairs renewed in every step."""
-        pose, steps, converged = minimise(lambda T: self._linearise(xyz, weight, T), guess, self.max_iterations)
+        pose, converged = minimise(lambda T: self._linearise(xyz, weight, T), guess, self.max_iterations)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(xyz, weight, pose, scores)
-        return result(model, pose, steps, converged, xyz, scores)
+        return result(model, pose, converged, xyz, scores)
 
     def _linearise(self, xyz: Array, weight: Array, pose: Array, scores: Array | None = None) -> Linearisation:
         turned = xyz @ pose[:3, :3].T
@@ -77,18 +74,11 @@ class IcpTarget:
         )
 
     def _residuals(self, q: Array, nearest: Array, pose: Array) -> tuple[Array, Array]:
-        """J (M, 1 or 3, 6) and r (M, 1 or 3) of turned points q (M, 3): along the normal, or along all three axes."""
+        """J (M, 1, 6) and r (M, 1) of turned points q (M, 3), along the normals of their nearest points."""
         difference = q + pose[:3, 3] - self._points[nearest]
-        if self.planes:
-            normal = self._normals[nearest]
-            J = np.concatenate([np.cross(q, normal), normal], axis=1)[:, None, :]
-            return J, np.einsum("ni,ni->n", difference, normal)[:, None]
-        J = np.zeros((len(q), 3, 6))
-        J[:, 0, 1], J[:, 0, 2] = q[:, 2], -q[:, 1]
-        J[:, 1, 0], J[:, 1, 2] = -q[:, 2], q[:, 0]
-        J[:, 2, 0], J[:, 2, 1] = q[:, 1], -q[:, 0]
-        J[:, :, 3:] = np.eye(3)
-        return J, difference
+        normal = self._normals[nearest]
+        J = np.concatenate([np.cross(q, normal), normal], axis=1)[:, None, :]
+        return J, np.einsum("ni,ni->n", difference, normal)[:, None]
 
 
 def _normals(points: Array, tree: cKDTree) -> Array:

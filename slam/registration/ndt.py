@@ -11,30 +11,24 @@ from slam.data.cloud import Array
 from slam.registration.gauss_newton import Linearisation, minimise, result
 from slam.registration.result import RegistrationResult
 from slam.registration.voxels import NO_SCORES, VoxelGaussians
+from slam.settings import OdometrySettings
 
 
 class NdtTarget:
     """A map of Gaussians at one or more resolutions, coarse to fine, that scans are registered against.
 
-    cell_sizes  [m], coarse first
-    neighbours  Gaussians that a point is held against: 1, its own cell's, or 7, those across the cell's faces as well
-    kernel      scale of Cauchy's weight 1 / (1 + m / kernel^2) on the Mahalanobis distance squared m
-    The rest is described in `VoxelGaussians`.
+    Args:
+        cell_sizes: [m], coarse first; by default those of the settings.
+        settings: Of the Gaussians (see `VoxelGaussians`), of Cauchy's weight 1 / (1 + m / kernel^2) on the Mahalanobis
+            distance squared m, and of the iterations.
     """
 
-    def __init__(
-        self,
-        cell_sizes: Sequence[float],
-        *,
-        min_points: int = 5,
-        max_points: int = 1000,
-        floor: float = 0.003,
-        neighbours: int = 1,
-        kernel: float = 1.0,
-        max_iterations: int = 12,
-    ) -> None:
-        self.levels = [VoxelGaussians(size, min_points, max_points, floor) for size in cell_sizes]
-        self.neighbours, self.kernel, self.max_iterations = neighbours, kernel, max_iterations
+    def __init__(self, cell_sizes: Sequence[float] | None = None, settings: OdometrySettings | None = None) -> None:
+        settings = settings or OdometrySettings()
+        sizes = settings.cell_sizes if cell_sizes is None else cell_sizes
+        self.levels = [VoxelGaussians(size, settings.min_points, settings.max_points, settings.floor) for size in sizes]
+        self.neighbours, self.kernel = settings.neighbours, settings.kernel
+        self.max_iterations = settings.max_iterations
 
     def __len__(self) -> int:
         return len(self.levels[-1])
@@ -63,15 +57,14 @@ class NdtTarget:
         Robust weights are renewed in every step (IRLS). The coarse levels get half of the iterations: they only
         have to bring the finest one within reach.
         """
-        pose, steps, converged = guess, 0, False
+        pose, converged = guess, False
         for level in self.levels:
             limit = self.max_iterations if level is self.levels[-1] else self.max_iterations // 2
             linearise = partial(self._linearise, level, xyz, weight)
-            pose, taken, converged = minimise(linearise, pose, limit)
-            steps += taken
+            pose, converged = minimise(linearise, pose, limit)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(self.levels[-1], xyz, weight, pose, scores)
-        return result(model, pose, steps, converged, xyz, scores)
+        return result(model, pose, converged, xyz, scores)
 
     def _linearise(
         self, level: VoxelGaussians, xyz: Array, weight: Array, pose: Array, scores: Array = NO_SCORES

@@ -20,9 +20,6 @@ class RegistrationResult:
                   the gradient, those of neighbours added up first (Huber 1967; for clusters Liang & Zeger 1986)
     overlap       share of the points' weight that met the target: a cell with a Gaussian, a point within the gate
     inlier_ratio  share of those that fit it: Mahalanobis distance squared below 7.8, the 95 % quantile of chi^2(3)
-    score         mean over the points of exp(-m / 2) with the Mahalanobis distance squared m, 0 where no cell is met
-                  (the paper's eq. 5, to be maximised, divided by the number of points)
-    iterations    Gauss-Newton steps taken, all levels together
     converged     the last step was below the thresholds before the iterations ran out
     """
 
@@ -32,6 +29,4 @@ class RegistrationResult:
     sandwich: Array
     overlap: float
     inlier_ratio: float
-    score: float
-    iterations: int
     converged: bool

@@ -39,7 +39,7 @@ class VoxelGaussians:
     floor       share of a covariance's trace that is added to its diagonal, so that planes stay invertible
     """
 
-    def __init__(self, size: float, min_points: int, max_points: int, floor: float = 0.003) -> None:
+    def __init__(self, size: float, min_points: int, max_points: int, floor: float) -> None:
         self.size, self.min_points, self.max_points, self.floor = size, min_points, max_points, floor
         self._sums, self._gaussians, self._cell_keys = np.zeros((0, 11)), np.zeros((0, 9)), np.zeros(0, np.int64)
         self.clear()

@@ -16,7 +16,7 @@ from slam.data.pose_files import read_poses
 
 RATE = 10.0  # frames a second, KITTI's
 LANE = 1.75  # metres from the middle of the road to the middle of a lane; traffic keeps to the right
-STEP = 0.25  # metres between the samples of a built-in path
+SAMPLE_SPACING = 0.25  # metres between the samples of a built-in path
 TOP_SPEED, SIDEWAYS, ALONG = 11.0, 2.5, 1.5  # m/s, and m/s^2 in curves and when the speed changes
 SMOOTHED = 32  # samples at either end of a path that its smoothing bends
 JUMP = 10.0  # metres between two poses that no car drives in a frame
@@ -125,7 +125,7 @@ def _level(poses: Array) -> Array:
 
 
 def _lane(corners: Array) -> Array:
-    """(N, 2): the right lane of a road along these corners (C, 2), every STEP, its curves a car's."""
+    """(N, 2): the right lane of a road along these corners (C, 2), every SAMPLE_SPACING, its curves a car's."""
     direction = np.diff(corners, axis=0)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     right = np.column_stack([direction[:, 1], -direction[:, 0]]) * LANE
@@ -137,7 +137,7 @@ def _lane(corners: Array) -> Array:
 
 
 def _rounded(corners: Array, radius: float) -> Array:
-    """Corners cut by arcs of that radius, sampled every STEP; the curvature grows and falls gradually."""
+    """Corners cut by arcs of that radius, sampled every SAMPLE_SPACING; the curvature grows and falls gradually."""
     dense = [corners[0]]
     for index in range(1, len(corners) - 1):
         before, after = corners[index - 1] - corners[index], corners[index + 1] - corners[index]
@@ -146,8 +146,8 @@ def _rounded(corners: Array, radius: float) -> Array:
         for angle in np.linspace(0, np.pi / 2, 16):
             dense.append(centre - radius * (after * np.cos(angle) + before * np.sin(angle)))
     dense.append(corners[-1])
-    points = _resampled(np.array(dense), STEP)
-    return gaussian_filter1d(points, 2.0 / STEP, axis=0)[SMOOTHED:-SMOOTHED]
+    points = _resampled(np.array(dense), SAMPLE_SPACING)
+    return gaussian_filter1d(points, 2.0 / SAMPLE_SPACING, axis=0)[SMOOTHED:-SMOOTHED]
 
 
 def _resampled(points: Array, step: float) -> Array:
@@ -160,13 +160,15 @@ def _resampled(points: Array, step: float) -> Array:
 def _driven(name: str, path: Array, spacing: float | None, tunnel: tuple[float, float] | None = None) -> Drive:
     """A car that slows down before curves and speeds up after them."""
     yaw = np.unwrap(np.arctan2(np.gradient(path[:, 1]), np.gradient(path[:, 0])))
-    speed = np.minimum(TOP_SPEED, np.sqrt(SIDEWAYS * STEP / np.maximum(np.abs(np.gradient(yaw)), 1e-6)))
+    speed = np.minimum(TOP_SPEED, np.sqrt(SIDEWAYS * SAMPLE_SPACING / np.maximum(np.abs(np.gradient(yaw)), 1e-6)))
     for limited in (speed, speed[::-1]):  # no sudden starts, and the other way round no sudden stops
         for index in range(1, len(limited)):
-            limited[index] = min(limited[index], np.sqrt(limited[index - 1] ** 2 + 2 * ALONG * STEP))
-    time = np.concatenate([[0.0], np.cumsum(STEP / speed[:-1])])
+            limited[index] = min(limited[index], np.sqrt(limited[index - 1] ** 2 + 2 * ALONG * SAMPLE_SPACING))
+    time = np.concatenate([[0.0], np.cumsum(SAMPLE_SPACING / speed[:-1])])
     stamps = np.arange(0.0, time[-1], 1 / RATE)
-    return _along(name, path, stamps, np.interp(stamps, time, STEP * np.arange(len(path))), spacing, tunnel=tunnel)
+    return _along(
+        name, path, stamps, np.interp(stamps, time, SAMPLE_SPACING * np.arange(len(path))), spacing, tunnel=tunnel
+    )
 
 
 def _along(
@@ -179,7 +181,7 @@ def _along(
     jam: bool = False,
 ) -> Drive:
     """The drive that has come `way` (N,) metres along the path at each stamp."""
-    samples = STEP * np.arange(len(path))
+    samples = SAMPLE_SPACING * np.arange(len(path))
     heading = np.unwrap(np.arctan2(np.gradient(path[:, 1]), np.gradient(path[:, 0])))
     position = np.column_stack([*(np.interp(way, samples, path[:, axis]) for axis in (0, 1)), np.zeros(len(way))])
     return _spaced(Drive(name, stamps, position, np.interp(way, samples, heading), tunnel, jam), spacing)

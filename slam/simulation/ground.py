@@ -13,18 +13,18 @@ from slam.simulation.terrain import Terrain, noise
 
 CELL = 2.0  # metres
 TILE = 16  # cells along each side of one mesh
-REACH = 150.0  # metres from a street to the end of the ground
+GROUND_REACH = 150.0  # metres from a street to the end of the ground
 
 
 def ground(terrain: Terrain, streets: Streets, seed: int) -> Iterator[Mesh]:
-    """Tiles of the ground within REACH of the streets; under the streets it lies a little lower than they do."""
+    """Tiles of the ground within GROUND_REACH of the streets; under the streets it lies a little lower than they do."""
     x = np.arange(terrain.x[0], terrain.x[-1], CELL)
     y = np.arange(terrain.y[0], terrain.y[-1], CELL)
     for left in range(0, len(x) - TILE, TILE):
         for low in range(0, len(y) - TILE, TILE):
             columns, rows = x[left : left + TILE + 1], y[low : low + TILE + 1]
             middle = np.array([[columns[TILE // 2], rows[TILE // 2]]])
-            if streets.distance(middle)[0] < REACH:
+            if streets.distance(middle)[0] < GROUND_REACH:
                 yield _tile(np.stack(np.meshgrid(columns, rows, indexing="ij"), axis=-1), terrain, streets, seed)
 
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-_SPECKLE, _BLOTCHES, _BRICKS, _TILES = 1, 2, 3, 4  # materials.Pattern
+_SPECKLE, _BLOTCHES, _BRICKS = 1, 2, 3  # materials.Pattern
 _SUN, _SUNLIGHT, _ZENITH, _HORIZON, _GROUND = 0, 1, 2, 3, 4  # rows of `air`
 _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 

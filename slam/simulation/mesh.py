@@ -54,12 +54,6 @@ class Mesh:
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, scale]])
         return replace(self, vertices=self.vertices @ turn.T + [x, y, z])
 
-    def painted(self, material: str, colour: Colour) -> Mesh:
-        """With another colour wherever it is of that material."""
-        colours = self.colour.copy()
-        colours[self.material == INDEX[material]] = colour
-        return replace(self, colour=colours)
-
     def select(self, mask: Array) -> Mesh:
         """The triangles of a boolean mask or of indices; vertices that none of them uses are left out."""
         used, triangles = np.unique(self.triangles[mask], return_inverse=True)

@@ -77,10 +77,14 @@ CLOTHES: tuple[Colour, ...] = (
 SKIN: tuple[Colour, ...] = ((222, 178, 150), (196, 148, 116), (120, 82, 60))
 
 
-def car(rng: np.random.Generator, kind: str | None = None) -> Mesh:
-    """A parked or driving car of 150 to 500 triangles; of any kind in SHAPES, drawn by its share, or of that one."""
-    names = list(SHAPES)
-    shape = SHAPES[kind or names[rng.choice(len(names), p=[SHAPES[name].share for name in names])]]
+def car(rng: np.random.Generator) -> Mesh:
+    """A parked or driving car of a kind in SHAPES, drawn by its share."""
+    shapes = list(SHAPES.values())
+    return car_of(shapes[rng.choice(len(shapes), p=[shape.share for shape in shapes])], rng)
+
+
+def car_of(shape: Shape, rng: np.random.Generator) -> Mesh:
+    """A car of that shape, of 150 to 500 triangles."""
     paint = PAINTS[rng.choice(len(PAINTS), p=[share for share, _ in PAINTS])][1]
     length, width, height = (rng.uniform(*span) for span in (shape.length, shape.width, shape.height))
     axles = np.array([length / 2 - shape.bonnet * 0.35 - 0.42, -length / 2 + 0.19 * length])

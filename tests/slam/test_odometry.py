@@ -216,7 +216,6 @@ def test_a_lasting_change_of_scene_is_survived() -> None:
     ("values", "metres"),
     [
         ({"registration": "icp-point-to-plane", "target": "scan"}, 0.5),
-        ({"registration": "icp-point-to-point", "target": "scan"}, 4.0),
         ({"target": "scan", "cell_sizes": (4.0, 2.0, 1.0), "neighbours": 7, "voxel_size": 0.5}, 0.5),
         ({"neighbours": 7}, 0.1),
         ({"cell_sizes": (1.0,)}, 0.1),

@@ -20,8 +20,8 @@ from slam.loops.scan_context import (
     descriptor,
     distance,
     levelled,
+    levelled_submap,
     ring_key,
-    submap,
 )
 from slam.settings import ScanContextSettings
 
@@ -241,14 +241,14 @@ def test_submap_joins_what_lies_within_its_length() -> None:
     poses = np.tile(np.eye(4), (4, 1, 1))
     poses[:, 0, 3] = travelled = np.array([0.0, 4.0, 8.0, 10.0])
     clouds = [np.array([[0.0, 1.0, float(k)]], np.float32) for k in range(4)]
-    np.testing.assert_allclose(submap(clouds, poses, travelled, 6.0), [[-6, 1, 1], [-2, 1, 2], [0, 1, 3]])
+    np.testing.assert_allclose(levelled_submap(clouds, poses, travelled, 6.0), [[-6, 1, 1], [-2, 1, 2], [0, 1, 3]])
 
 
 def test_submap_is_level_and_looks_ahead() -> None:
     tilted = se3.exp(np.array([0.0, 0.0, 1.0, 3.0, 2.0, 1.0])) @ se3.exp(np.array([0.1, -0.2, 0.0, 0.0, 0.0, 0.0]))
     world = np.random.default_rng(0).normal(0, 10, (20, 3))
     lidar = ((world - tilted[:3, 3]) @ tilted[:3, :3]).astype(np.float32)
-    level = submap([lidar], tilted[None], np.zeros(1), 5.0)
+    level = levelled_submap([lidar], tilted[None], np.zeros(1), 5.0)
     np.testing.assert_allclose(level[:, 2], world[:, 2] - tilted[2, 3], atol=1e-4)
     np.testing.assert_allclose(level @ levelled(tilted)[:3, :3].T + tilted[:3, 3], world, atol=1e-4)
     assert np.arctan2(*(se3.inverse(levelled(tilted)) @ tilted)[[1, 0], 0]) == pytest.approx(0, abs=1e-9)

@@ -10,7 +10,7 @@ import pytest
 
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
-from slam.mapping.keyframes import STEP, Keyframe, Keyframes
+from slam.mapping.keyframes import COORDINATE_STEP, Keyframe, Keyframes
 from slam.settings import KeyframeSettings
 
 
@@ -85,7 +85,7 @@ def test_it_holds_what_the_scans_up_to_the_next_saw_in_its_own_frame() -> None:
     assert keyframe is not None
     aside = 5 * np.sin(np.deg2rad(15)) + 1, -5 * np.cos(np.deg2rad(15)), 0
     expected = np.array([(10.05, 0.06, 0.03), (4, 0, 0), aside])
-    assert keyframe.cloud.xyz == pytest.approx(expected, abs=STEP / 2 + 1e-5)
+    assert keyframe.cloud.xyz == pytest.approx(expected, abs=COORDINATE_STEP / 2 + 1e-5)
     assert keyframe.cloud.intensity == pytest.approx([0.3, 0.4, 0.6], abs=0.5 / 255 + 1e-6)
     assert keyframe.cloud.colour is None
 
@@ -106,7 +106,7 @@ def test_the_car_itself_and_what_is_too_far_are_left_out() -> None:
     keyframes.add(cloud((2, 0, 0), (3, 0, 0), (59, 0, 0), (61, 0, 0)), at(0), 0, 0.0)
     keyframe = keyframes.finish()
     assert keyframe is not None
-    assert keyframe.cloud.xyz[:, 0] == pytest.approx([3, 59], abs=STEP)
+    assert keyframe.cloud.xyz[:, 0] == pytest.approx([3, 59], abs=COORDINATE_STEP)
 
 
 @pytest.mark.parametrize("memory_mb", [0.0, 0.1, 1000.0])

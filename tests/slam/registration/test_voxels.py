@@ -149,7 +149,7 @@ def test_points_are_moved_by_the_pose() -> None:
 def test_a_flat_cell_stays_invertible() -> None:
     xyz = np.random.default_rng(6).uniform(0.1, 0.9, (100, 3)).astype(np.float32)
     xyz[:, 2] = 0.5
-    cells = VoxelGaussians(1.0, 5, 1000)
+    cells = VoxelGaussians(1.0, 5, 1000, floor=0.003)
     cells.insert(xyz, ones(xyz), np.eye(4))
     found = gaussian(cells, np.array([0.5, 0.5, 0.5]))
     assert found is not None
@@ -159,7 +159,7 @@ def test_a_flat_cell_stays_invertible() -> None:
 
 def test_no_gaussian_below_min_points() -> None:
     xyz = np.random.default_rng(7).uniform(0.1, 0.9, (4, 3)).astype(np.float32)
-    cells = VoxelGaussians(1.0, 5, 1000)
+    cells = VoxelGaussians(1.0, 5, 1000, floor=0.003)
     cells.insert(xyz, ones(xyz), np.eye(4))
     assert len(cells) == 1
     assert gaussian(cells, np.array([0.5, 0.5, 0.5])) is None
@@ -197,7 +197,7 @@ def test_cells_survive_growth() -> None:
 
 def test_clear_forgets_everything() -> None:
     xyz = np.random.default_rng(10).uniform(0.1, 0.9, (30, 3)).astype(np.float32)
-    cells = VoxelGaussians(1.0, 5, 1000)
+    cells = VoxelGaussians(1.0, 5, 1000, floor=0.003)
     cells.insert(xyz, ones(xyz), np.eye(4))
     cells.clear()
     assert len(cells) == 0
@@ -206,7 +206,7 @@ def test_clear_forgets_everything() -> None:
 
 def test_evict_bounds_the_number_of_cells() -> None:
     rng = np.random.default_rng(11)
-    cells, sizes = VoxelGaussians(1.0, 3, 1000), []
+    cells, sizes = VoxelGaussians(1.0, 3, 1000, floor=0.003), []
     xyz = rng.uniform([-5, -5, -1], [5, 5, 1], (2000, 3)).astype(np.float32)
     for k in range(60):
         cells.insert(xyz, ones(xyz), at(5.0 * k))
@@ -220,7 +220,7 @@ def test_evict_keeps_what_is_near() -> None:
     rng = np.random.default_rng(12)
     near, far = rng.uniform(0.1, 0.9, (30, 3)), rng.uniform([30.1, 0.1, 0.1], [30.9, 0.9, 0.9], (30, 3))
     xyz = np.concatenate([far, near]).astype(np.float32)
-    cells = VoxelGaussians(1.0, 5, 1000)
+    cells = VoxelGaussians(1.0, 5, 1000, floor=0.003)
     cells.insert(xyz, ones(xyz), np.eye(4))
     before = gaussian(cells, np.array([0.5, 0.5, 0.5]))
     cells.evict(np.zeros(3), 10.0)

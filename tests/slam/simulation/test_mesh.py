@@ -133,14 +133,6 @@ def test_placing_scales_then_turns_then_moves() -> None:
     np.testing.assert_array_equal(mesh.vertices, SQUARE)
 
 
-def test_painting_changes_one_material_of_a_copy() -> None:
-    car = joined([box((4, 2, 1), "car_paint"), box((1, 1, 1), "glass")])
-    red = car.painted("car_paint", (200, 0, 0))
-    assert (red.colour[:12] == (200, 0, 0)).all()
-    np.testing.assert_array_equal(red.colour[12:], car.colour[12:])
-    assert (car.colour[:12] == COLOURS[INDEX["car_paint"]]).all()
-
-
 def test_selected_triangles_keep_what_they_are_and_only_their_vertices() -> None:
     both = joined([box((1, 1, 1), "brick"), quads(SQUARE + np.array([0, 0, 5]), "glass", (1, 2, 3))])
     by_mask, by_index = both.select(both.material == INDEX["glass"]), both.select(np.array([12, 13]))

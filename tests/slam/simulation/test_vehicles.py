@@ -8,7 +8,7 @@ import pytest
 from slam.data.cloud import Array
 from slam.simulation.materials import INDEX
 from slam.simulation.mesh import Mesh
-from slam.simulation.vehicles import SHAPES, bicycle, car, person
+from slam.simulation.vehicles import SHAPES, bicycle, car, car_of, person
 from slam.simulation.world import Hits, StandingWorld, World
 
 SEEDS = range(6)
@@ -39,7 +39,7 @@ def test_the_same_seed_makes_the_same_and_seeds_differ(make: Callable[[np.random
 @pytest.mark.parametrize("kind", SHAPES)
 def test_a_car_has_the_size_of_its_kind_and_stands_on_its_wheels(kind: str) -> None:
     for seed in SEEDS:
-        mesh = car(np.random.default_rng(seed), kind)
+        mesh = car_of(SHAPES[kind], np.random.default_rng(seed))
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         np.testing.assert_allclose(low[:2], -high[:2], atol=0.05)
         assert 3.6 < high[0] - low[0] < 5.3
@@ -54,7 +54,7 @@ def test_a_car_has_the_size_of_its_kind_and_stands_on_its_wheels(kind: str) -> N
 @pytest.mark.parametrize("kind", SHAPES)
 def test_a_car_is_as_wide_as_cars_are(kind: str) -> None:
     for seed in SEEDS:
-        mesh = car(np.random.default_rng(seed), kind)
+        mesh = car_of(SHAPES[kind], np.random.default_rng(seed))
         below_mirrors = mesh.vertices[mesh.vertices[:, 2] < 0.8]
         assert 1.65 <= np.ptp(below_mirrors[:, 1]) <= 2.02
 
@@ -62,14 +62,14 @@ def test_a_car_is_as_wide_as_cars_are(kind: str) -> None:
 @pytest.mark.parametrize("kind", SHAPES)
 def test_budget_and_no_triangle_that_is_a_line(kind: str) -> None:
     for seed in SEEDS:
-        mesh = car(np.random.default_rng(seed), kind)
+        mesh = car_of(SHAPES[kind], np.random.default_rng(seed))
         assert 150 <= len(mesh) <= 500
         assert areas(mesh).min() > 1e-5
 
 
 @pytest.mark.parametrize("kind", SHAPES)
 def test_rays_see_what_a_car_has(kind: str) -> None:
-    mesh = car(np.random.default_rng(2), kind)
+    mesh = car_of(SHAPES[kind], np.random.default_rng(2))
     end, side = SHAPES[kind].length[0] / 2, mesh.vertices[:, 1].max()
     windscreen = [[9.0, 0.3, SHAPES[kind].belt + 0.2]]
     assert mesh.material[cast(mesh, windscreen, [-1, 0, 0]).triangle] == INDEX["glass"]
