@@ -35,16 +35,14 @@ def fit_lasers(
     import numpy as np
 
     from slam.data.atomic import write_text
-    from slam.data.dataset import open_dataset
+    from slam.data.dataset import chosen_positions, open_dataset
     from slam.data.laser_lines import fit_dataset, sensor_text
 
     if out.exists():
         raise InputError(f"{out}: exists already; choose another --out, or move it away")
     require_writable(out.parent)
     data = open_dataset(dataset, sequence)
-    positions = range(len(data))[frame_slice(frames)]
-    if not positions:
-        raise InputError(f"--frames {frames}: no frames, the drive has {len(data)}")
+    positions = chosen_positions(data, frame_slice(frames))
     with progress(f"{data.name}: reading scans", len(positions)) as advance:
         lines, problems = fit_dataset(data, positions, rings, advance)
     for problem in problems:

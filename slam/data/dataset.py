@@ -76,6 +76,14 @@ def open_dataset(path: str | Path, sequence: str | None = None, sensor: str | Pa
     )
 
 
+def chosen_positions(data: Dataset, frames: slice) -> range:
+    """The positions of a drive's frames that `frames` chooses. Raises InputError where there are none."""
+    positions = range(len(data))[frames]
+    if not positions:
+        raise InputError(f"{data.path}: no frames in that range; the drive has {len(data)}, from 0")
+    return positions
+
+
 def _odometry_sequences(path: Path) -> dict[str, Path]:
     """The sequence folders at or under `path` by their names."""
     if (path / "velodyne").is_dir():
