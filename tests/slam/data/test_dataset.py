@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from slam.data.dataset import open_dataset
+from slam.data.dataset import chosen_positions, open_dataset
 from slam.data.errors import InputError
 
 
@@ -82,3 +82,11 @@ def test_positions_past_the_end_end_a_loop(odometry_root: Path) -> None:
     assert [dataset[i].index for i in range(len(dataset))] == [0, 1, 2]
     with pytest.raises(IndexError):
         dataset[3]
+
+
+def test_a_range_without_frames_is_refused(odometry_root: Path) -> None:
+    dataset = open_dataset(odometry_root)
+    assert list(chosen_positions(dataset, slice(None))) == list(range(len(dataset)))
+    assert list(chosen_positions(dataset, slice(None, None, -1)))[-1] == 0
+    with pytest.raises(InputError, match=f"no frames in that range; the drive has {len(dataset)}, from 0"):
+        chosen_positions(dataset, slice(len(dataset), None))
