@@ -83,7 +83,18 @@ def plot_trajectory(
 
 
 def plot_run(folder: Path, title: str | None = None) -> Path:
-    """Draw trajectory_tum.txt of a run folder, over ground_truth_tum.txt where there is one, into trajectory.png."""
+    """Draw a run's trajectory, over ground truth where there is some, into trajectory.png of its folder.
+
+    Args:
+        folder: With trajectory_tum.txt, and ground_truth_tum.txt where there is ground truth.
+        title: Above the picture; by default the folder's name.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: A file cannot be read, or the two trajectories cannot be paired.
+    """
     stamps, estimate = read_poses(folder / "trajectory_tum.txt")
     truth_file = folder / "ground_truth_tum.txt"
     truth_stamps, truth = read_poses(truth_file) if truth_file.is_file() else (None, None)

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from slam.data.laser_lines import LaserLines
 
 
+#: Raw scans lie nearer to their lines [deg]: KITTI's, rounded to 1 mm, within 0.005.
+TYPICAL_RESIDUAL = 0.02
+
+
 def fit_lasers(
     dataset: Annotated[Path, typer.Argument(help="A KITTI raw folder, or a folder of raw scans.")],
     sequence: SequenceOption = None,
@@ -48,17 +52,13 @@ def fit_lasers(
     for problem in problems:
         messages.print(f"Note: {problem.kind}: {problem.message}", style="yellow", markup=False)
     off = float(np.rad2deg(np.median(lines.residual)))
-    if off > TYPICAL:
+    if off > TYPICAL_RESIDUAL:
         text = f"points lie {off:.3f} deg off their lines; raw scans are expected, not motion-compensated ones"
         messages.print(f"Note: {data.path}: {text}", style="yellow", markup=False)
     name, correction = (data.sensor.name, data.sensor.vertical_correction) if data.sensor else (data.name, 0.0)
     write_text(out, sensor_text(lines, name, correction))
     print(_table(lines))
     print(f"Written to {out}")
-
-
-#: Raw scans lie nearer to their lines [deg]: KITTI's, rounded to 1 mm, within 0.005.
-TYPICAL = 0.02
 
 
 def _table(lines: LaserLines) -> str:
