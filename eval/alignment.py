@@ -52,7 +52,12 @@ def associate(stamps: Array, reference_stamps: Array) -> tuple[Array, Array]:
 
 
 def nearest_rotation(M: Array) -> Array:
-    """The rotation R (3, 3) that maximises trace(R^T M), M (3, 3) (Kabsch 1976; Umeyama 1991, lemma)."""
+    """The rotation R (3, 3) that maximises trace(R^T M), M (3, 3) (Kabsch 1976; Umeyama 1991, lemma).
+
+    Example:
+        >>> bool(np.allclose(nearest_rotation(np.diag([2.0, 3.0, 4.0])), np.eye(3)))
+        True
+    """
     U, _, Vt = np.linalg.svd(M)
     return np.asarray(U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))]) @ Vt)
 

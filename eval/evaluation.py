@@ -196,7 +196,11 @@ def orthonormal(poses: Array) -> Array:
 
 
 def finite(value: Any) -> Any:
-    """The same structure of dicts and lists with None in the place of what is not finite: JSON has no NaN."""
+    """The same structure of dicts and lists with None in the place of what is not finite: JSON has no NaN.
+
+    >>> finite({"rmse": float("nan"), "lengths": (1, 2.5)})
+    {'rmse': None, 'lengths': [1, 2.5]}
+    """
     if isinstance(value, dict):
         return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,15 +11,15 @@ from eval.alignment import alignment_transform
 from eval.body_frame import body_frame
 from eval.evaluation import pair_up
 from eval.trajectory import distances
-from slam.data.atomic import written_beside
 from slam.data.cloud import Array
+from slam.data.plot_style import BLUE, GREY, INK, VERMILION, save_png, tidy
 from slam.data.pose_files import read_poses
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's palette, told apart by colour-blind readers; ground truth is a broad band under the line.
-ESTIMATE, TRUTH, ERROR, INK, GRID = "#0072B2", "#B8B8B8", "#D55E00", "#222222", "#E8E8E8"
+#: Ground truth is a broad band under the line.
+ESTIMATE, TRUTH, ERROR = BLUE, GREY, VERMILION
 
 #: Figure [inches]: width, height of the error panel with its labels, what title and axis labels take of the map.
 WIDTH, ERROR_HEIGHT, MAP_FRAME = 8.0, 1.9, 1.3
@@ -36,11 +36,21 @@ def plot_trajectory(
     stamps: Array | None = None,
     reference_stamps: Array | None = None,
 ) -> None:
-    """Draw poses (N, 4, 4) from above over the reference's (M, 4, 4), and the position error over the way [m].
+    """Draw a trajectory from above over its reference, and the position error over the way.
 
-    The estimate is laid over the reference by SE(3) Umeyama; stamps [s] pair the poses as in `evaluate`. Without a
-    reference only the estimate is drawn, as it stands. Camera-0 trajectories are drawn in x and z, others in x and y.
-    The file appears under its name only when whole. Raises InputError where the two cannot be paired.
+    The estimate is laid over the reference by SE(3) Umeyama. Without a reference only the estimate is drawn, as it
+    stands. Camera-0 trajectories are drawn in x and z, others in x and y.
+
+    Args:
+        path_png: The file to write; it appears under its name only when whole.
+        estimate: Poses (N, 4, 4) [m].
+        reference: Poses (M, 4, 4) [m] of the same body, or None.
+        title: Above the picture.
+        stamps: Of the estimate (N,) [s].
+        reference_stamps: Of the reference (M,) [s]. With both, poses are paired as in `evaluate_poses`.
+
+    Raises:
+        InputError: The two cannot be paired.
     """
     from matplotlib.figure import Figure
 
@@ -69,11 +79,22 @@ def plot_trajectory(
     top.set_xlabel(f"{'xyz'[axes[0]]} [m]")
     top.set_ylabel(f"{'xyz'[axes[1]]} [m]")
     top.set_title(title, loc="left", color=INK, fontsize=13, fontweight="bold", pad=32)
-    _save(figure, path_png)
+    save_png(figure, path_png)
 
 
 def plot_run(folder: Path, title: str | None = None) -> Path:
-    """Draw trajectory_tum.txt of a run folder, over ground_truth_tum.txt where there is one, into trajectory.png."""
+    """Draw a run's trajectory, over ground truth where there is some, into trajectory.png of its folder.
+
+    Args:
+        folder: With trajectory_tum.txt, and ground_truth_tum.txt where there is ground truth.
+        title: Above the picture; by default the folder's name.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: A file cannot be read, or the two trajectories cannot be paired.
+    """
     stamps, estimate = read_poses(folder / "trajectory_tum.txt")
     truth_file = folder / "ground_truth_tum.txt"
     truth_stamps, truth = read_poses(truth_file) if truth_file.is_file() else (None, None)
@@ -104,7 +125,7 @@ def _draw_map(axes: Axes, estimate: Array, reference: Array | None, error: Array
     axes.annotate("start", start, xytext=(8, 8), textcoords="offset points", color=INK, fontsize=10, bbox=behind)
     axes.set_aspect("equal")
     axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=2, frameon=False, fontsize=10, borderaxespad=0.2)
-    _tidy(axes)
+    tidy(axes)
 
 
 def _draw_error(axes: Axes, way: Array, error: Array) -> None:
@@ -118,21 +139,8 @@ def _draw_error(axes: Axes, way: Array, error: Array) -> None:
     axes.set_ylim(0, max(1.1 * factor * float(error.max()), 1e-2))
     axes.set_xlabel(label)
     axes.set_ylabel(f"error [{unit}]")
-    _tidy(axes)
-
-
-def _tidy(axes: Axes) -> None:
-    axes.grid(color=GRID, linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=INK, length=0, labelsize=10)
-    axes.spines[:].set_visible(False)
+    tidy(axes)
 
 
 def _metres(value: float) -> str:
     return f"{100 * value:.1f} cm" if value < 1 else f"{value:.2f} m"
-
-
-def _save(figure: Any, path: Path) -> None:
-    """A Figure without pyplot draws with Agg: no display, no global state."""
-    with written_beside(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=150, facecolor="white")

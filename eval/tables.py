@@ -61,14 +61,13 @@ def format_metrics(evaluations: Mapping[str, Metrics]) -> str:
 
 
 def format_comparison(comparison: Comparison) -> str:
-    """A table with a row an input, the paper's Table III where there is ground truth, notes and protocol, as
-    `format_metrics`."""
+    """A table with a row an input, the paper's Table III where there is ground truth, notes and protocol."""
     tables = [text_table(header, rows) for header, rows in _compared(comparison)]
     return _with_notes(tables, _notes(comparison), comparison.protocol)
 
 
 def comparison_markdown(comparison: Comparison, title: str) -> str:
-    """The same for compare.md."""
+    """What `format_comparison` has, in Markdown for compare.md."""
     lines = [f"# {title}", ""]
     for header, rows in _compared(comparison):
         titles = [" ".join(column.split()) for column in header]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
+from math import isfinite
 from textwrap import fill
 from typing import TYPE_CHECKING
 
@@ -12,12 +13,12 @@ if TYPE_CHECKING:
 
 
 def number(value: float | None, decimals: int, factor: float = 1) -> str:
-    """`factor` times the value with fixed decimals, a dash for what could not be computed.
+    """`factor` times the value with fixed decimals, a dash for what could not be computed: None, or not finite.
 
     >>> number(0.1234, 1, factor=100), number(None, 1)
     ('12.3', '-')
     """
-    return "-" if value is None else f"{factor * value:.{decimals}f}"
+    return "-" if value is None or not isfinite(value) else f"{factor * value:.{decimals}f}"
 
 
 def text_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -48,11 +48,10 @@ def enrich(
         >>> for frame, cloud in lidarlift.enrich("my_drive", sensor="vlp16", enricher="ray-segment"):
         ...     print(frame.index, len(cloud), cloud.sigma[~cloud.measured].mean())
     """
-    from slam.data.dataset import open_dataset
-    from slam.pipeline import source_of
+    from slam.data.dataset import chosen_positions, open_dataset
 
     data = open_dataset(dataset, sequence, sensor) if isinstance(dataset, str | Path) else dataset
     settings = load_config(config, overrides, input="enriched", enricher=enricher).front_end
     front_end = front_end_for(settings, data.sensor, data.path)
-    positions = source_of(data, frames).positions or range(0)
-    return ((frame, front_end(frame, ())) for frame in (data[position] for position in positions))
+    recorded = (data[position] for position in chosen_positions(data, frames))
+    return ((frame, front_end(frame, ())) for frame in recorded)

@@ -14,7 +14,7 @@ import numpy as np
 
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
-from slam.data.dataset import Dataset
+from slam.data.dataset import Dataset, chosen_positions
 from slam.data.errors import InputError
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
@@ -200,9 +200,7 @@ class Pipeline:
 
 def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
     """The frames of a data set as the source of a run. Raises InputError where none are left."""
-    positions = range(len(dataset))[frames]
-    if len(positions) == 0:
-        raise InputError(f"{dataset.path}: no frames in that range; the drive has {len(dataset)}, from 0")
+    positions = chosen_positions(dataset, frames)
     truth = None if dataset.ground_truth is None else dataset.ground_truth[positions]
     return Source(dataset.name, dataset.path, dataset.sensor, dataset.calibration, positions, truth)
 

@@ -6,6 +6,7 @@ The comparison of Yue et al. (their Fig. 3), with figures: precision and recall 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -29,6 +30,25 @@ PROTOCOL = {
 }
 
 
+@dataclass(frozen=True)
+class EdgeFigures:
+    """How the edges of an image lie to its depth discontinuities; shares, 0..1, as `PROTOCOL` has them.
+
+    Attributes:
+        edges: Share of the pixels that are edges.
+        precision: Share of the edges that are near a discontinuity.
+        precision_by_chance: The same of edges strewn evenly.
+        recall: Share of the discontinuities that are near an edge.
+        recall_by_chance: The same of discontinuities strewn evenly.
+    """
+
+    edges: float
+    precision: float
+    precision_by_chance: float
+    recall: float
+    recall_by_chance: float
+
+
 def canny(grey: Array, threshold: float) -> Array:
     """(H, W) bool: Canny's edges in a grey image (H, W) uint8."""
     import cv2
@@ -47,11 +67,11 @@ def gradient(grey: Array, threshold: float) -> Array:
 DETECTORS: dict[str, Callable[[Array, float], Array]] = {"canny": canny, "gradient": gradient}
 
 
-def edges(image: DepthImage) -> Figures:
-    """[detector][threshold] -> figures of one image, see `PROTOCOL`."""
+def edges(image: DepthImage) -> Figures[EdgeFigures]:
+    """[detector][threshold] -> figures of one image."""
     grey, lines = grey_of(image), discontinuities(image.depth).any(axis=0) & image.known
     return {
-        name: {str(threshold): _figures(detect(grey, threshold), lines, image.known) for threshold in THRESHOLDS}
+        name: {threshold: _figures(detect(grey, threshold), lines, image.known) for threshold in THRESHOLDS}
         for name, detect in DETECTORS.items()
     }
 
@@ -70,15 +90,15 @@ def near(lines: Array) -> Array:
     return np.asarray(distance_transform_edt(~lines) <= TOLERANCE)
 
 
-def _figures(found: Array, lines: Array, known: Array) -> dict[str, float]:
+def _figures(found: Array, lines: Array, known: Array) -> EdgeFigures:
     near_edge, near_line = near(found), near(lines)
-    return {
-        "edges": mean(found[known]),
-        "precision": mean(near_line[found & known]),
-        "precision_by_chance": mean(near_line[known]),
-        "recall": mean(near_edge[lines]),
-        "recall_by_chance": mean(near_edge[known]),
-    }
+    return EdgeFigures(
+        edges=mean(found[known]),
+        precision=mean(near_line[found & known]),
+        precision_by_chance=mean(near_line[known]),
+        recall=mean(near_edge[lines]),
+        recall_by_chance=mean(near_edge[known]),
+    )
 
 
 def _blurred(grey: Array) -> Array:

@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from slam.data.cloud import Array
 
-#: [what was tried][how much of it] -> figures; NaN where there was nothing to measure
-Figures = dict[str, dict[str, dict[str, float]]]
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+F = TypeVar("F", bound="DataclassInstance")
+
+#: [what was tried][how much of it] -> figures, numbers all; NaN where there was nothing to measure
+Figures = Mapping[str, Mapping[float, F]]
 
 
-def mean_figures(images: Sequence[Figures]) -> Figures:
-    """The mean of every figure over the images that have it, NaN where none has. All have the same keys."""
+def mean_figures(images: Sequence[Figures[F]]) -> Figures[F]:
+    """The mean of every figure over the images that have it, NaN where none has.
+
+    Args:
+        images: The figures of each, at least one; all have the same keys.
+
+    Returns:
+        Figures with these keys.
+    """
     return {
-        tried: {
-            amount: {name: mean([image[tried][amount][name] for image in images]) for name in figures}
-            for amount, figures in amounts.items()
-        }
+        tried: {amount: _mean([image[tried][amount] for image in images]) for amount in amounts}
         for tried, amounts in images[0].items()
     }
 
@@ -28,3 +39,8 @@ def mean(values: Array | Sequence[float]) -> float:
     found = np.asarray(values, float)
     found = found[np.isfinite(found)]
     return float(found.mean()) if found.size else float("nan")
+
+
+def _mean(figures: Sequence[F]) -> F:
+    kind = type(figures[0])
+    return kind(*(mean([getattr(each, field.name) for each in figures]) for field in fields(kind)))

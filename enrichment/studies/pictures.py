@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from enrichment.studies.depth_image import FARTHEST, DepthImage, discontinuities
-from enrichment.studies.edges import canny, grey_of, near
+from enrichment.studies.edges import EdgeFigures, canny, grey_of, near
 from enrichment.studies.figures import Figures
-from enrichment.studies.sparsity import SELECTIONS, reconstruct
-from slam.data.atomic import written_beside
+from enrichment.studies.sparsity import SELECTIONS, SparsityFigures, reconstruct
 from slam.data.cloud import Array
+from slam.data.plot_style import BLUE, INK, VERMILION, save_png, tidy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,14 +23,15 @@ SHOWN = (1 / 4, 1 / 16, 1 / 64)  # fractions of the coefficients that reconstruc
 SHOWN_THRESHOLD = 90  # of Canny's edges in the picture
 NEAREST = 4.0  # m, where the colours of depth begin
 WIDTH = 13.0  # inches
-INK, GRID = "#222222", "#E8E8E8"
-# Okabe and Ito's palette, told apart by colour-blind readers.
-COLOURS = ("#0072B2", "#D55E00")
+COLOURS = (BLUE, VERMILION)
+DPI = 120
 BOTH, EDGE_ONLY, JUMP_ONLY = (0, 255, 130), (255, 150, 0), (255, 90, 220)  # brighter, on a dark picture
 LINES = ("-", "--")  # a style a source of depth
 
 
-def draw_sparsity(image: DepthImage, sources: Mapping[str, Figures], title: str, path_png: Path) -> None:
+def draw_sparsity(
+    image: DepthImage, sources: Mapping[str, Figures[SparsityFigures]], title: str, path_png: Path
+) -> None:
     """A frame's depth from fewer and fewer coefficients, and the error and what discontinuities keep over fractions.
 
     `sources` has the figures by where depth came from ("64 rings, filled", "exact"). `image` is one of the first.
@@ -44,24 +45,24 @@ def draw_sparsity(image: DepthImage, sources: Mapping[str, Figures], title: str,
         for column, selection in enumerate(SELECTIONS):
             depth = reconstruct(image.depth, fraction, selection)
             _depth(panels[row, column], depth, f"1/{round(1 / fraction)} of the coefficients, the {selection}")
-    for axes, key, factor, label in (
+    for axes, key, factor, quantity in (
         (curves[0], "rmse_m", 1, "RMSE [m]"),
         (curves[1], "height_kept", 100, "height of discontinuities kept [%]"),
     ):
         for (source, figures), line in zip(sources.items(), LINES, strict=False):
             for (selection, fractions), colour in zip(figures.items(), COLOURS, strict=True):
-                values = [factor * entry[key] for entry in fractions.values()]
-                kept = [float(fraction) for fraction in fractions]
-                axes.plot(kept, values, line, marker="o", markersize=4, color=colour, label=f"{selection}, {source}")
+                values = [factor * getattr(entry, key) for entry in fractions.values()]
+                label = f"{selection}, {source}"
+                axes.plot(list(fractions), values, line, marker="o", markersize=4, color=colour, label=label)
         axes.set_xscale("log", base=2)
         axes.set_xticks([2.0**-k for k in range(7)], ["1", *(f"1/{2**k}" for k in range(1, 7))])
         axes.invert_xaxis()
-        _tidy(axes, "share of the coefficients kept", label)
+        _labelled(axes, "share of the coefficients kept", quantity)
     curves[0].legend(frameon=False, fontsize=9)
-    _save(figure, path_png)
+    save_png(figure, path_png, DPI)
 
 
-def draw_edges(image: DepthImage, sources: Mapping[str, Figures], title: str, path_png: Path) -> None:
+def draw_edges(image: DepthImage, sources: Mapping[str, Figures[EdgeFigures]], title: str, path_png: Path) -> None:
     """A frame with its edges and depth discontinuities, and precision over recall as the threshold rises."""
     figure, panels, curves = _layout(title, 2, image, columns=1)
     panels[0, 0].imshow(overlay(image))
@@ -75,19 +76,19 @@ def draw_edges(image: DepthImage, sources: Mapping[str, Figures], title: str, pa
         for (source, figures), line in zip(sources.items(), LINES, strict=False):
             entries = figures[detector]
             recall, precision, chance = (
-                [100 * entry[key] for entry in entries.values()]
+                [100 * getattr(entry, key) for entry in entries.values()]
                 for key in ("recall", "precision", "precision_by_chance")
             )
             axes.plot(recall, precision, line, marker="o", markersize=4, color=COLOURS[0], label=source)
             axes.plot(recall, chance, line, color="#999999", label=f"{source}, by chance")
             for threshold, x, y in zip(entries, recall, precision, strict=True):
-                axes.annotate(threshold, (x, y), (3, 4), textcoords="offset points", fontsize=7, color=INK)
+                axes.annotate(f"{threshold:g}", (x, y), (3, 4), textcoords="offset points", fontsize=7, color=INK)
         axes.set_xlim(0, 100)
         axes.set_ylim(bottom=0)
-        _tidy(axes, "recall [%]: discontinuities with an edge", "precision [%]: edges on one")
+        _labelled(axes, "recall [%]: discontinuities with an edge", "precision [%]: edges on one")
         axes.set_title(f"{detector}, by threshold", **_small())
     curves[0].legend(frameon=False, fontsize=9)
-    _save(figure, path_png)
+    save_png(figure, path_png, DPI)
 
 
 def overlay(image: DepthImage) -> Array:
@@ -128,15 +129,7 @@ def _small() -> dict[str, Any]:
     return {"loc": "left", "color": INK, "fontsize": 10}
 
 
-def _tidy(axes: Axes, x: str, y: str) -> None:
+def _labelled(axes: Axes, x: str, y: str) -> None:
     axes.set_xlabel(x, color=INK)
     axes.set_ylabel(y, color=INK)
-    axes.grid(color=GRID, linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=INK, length=0)
-    axes.spines[:].set_visible(False)
-
-
-def _save(figure: Figure, path: Path) -> None:
-    with written_beside(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=120, facecolor="white")
+    tidy(axes)

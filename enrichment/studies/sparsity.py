@@ -6,6 +6,7 @@ The sparsity study of Yue et al. (their Fig. 2), with figures: above all, whethe
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import dctn, idctn
@@ -28,6 +29,27 @@ PROTOCOL = {
     "height kept": "sum of the reconstructed depth differences across discontinuities / sum of the original ones",
     "preserved": "share of the pixels on discontinuities that keep at least half of their height",
 }
+
+
+@dataclass(frozen=True)
+class SparsityFigures:
+    """What is left of a depth image, as `PROTOCOL` has it.
+
+    Attributes:
+        mae_m: Mean absolute error [m].
+        rmse_m: Root of the mean square error [m].
+        mae_at_jumps_m: Mean absolute error at depth discontinuities [m].
+        mae_elsewhere_m: Mean absolute error elsewhere [m].
+        height_kept: Share of the discontinuities' height that is left, 1 for all of it.
+        preserved: Share of the discontinuities' pixels that keep at least half of their height, 0..1.
+    """
+
+    mae_m: float
+    rmse_m: float
+    mae_at_jumps_m: float
+    mae_elsewhere_m: float
+    height_kept: float
+    preserved: float
 
 
 def largest(coefficients: Array, fraction: float) -> Array:
@@ -53,29 +75,29 @@ def reconstruct(depth: Array, fraction: float, selection: str) -> Array:
     return np.asarray(idctn(SELECTIONS[selection](dctn(depth, norm="ortho"), fraction), norm="ortho"))
 
 
-def sparsity(image: DepthImage) -> Figures:
-    """[selection][fraction] -> figures of one depth image, see `PROTOCOL`."""
+def sparsity(image: DepthImage) -> Figures[SparsityFigures]:
+    """[selection][fraction] -> figures of one depth image."""
     lines = discontinuities(image.depth) & image.known
     beside = distance_transform_edt(~lines.any(axis=0)) <= BESIDE
     return {
         selection: {
-            str(fraction): _figures(image.depth, reconstruct(image.depth, fraction, selection), lines, beside)
+            fraction: _figures(image.depth, reconstruct(image.depth, fraction, selection), lines, beside)
             for fraction in FRACTIONS
         }
         for selection in SELECTIONS
     }
 
 
-def _figures(depth: Array, reconstructed: Array, lines: Array, beside: Array) -> dict[str, float]:
+def _figures(depth: Array, reconstructed: Array, lines: Array, beside: Array) -> SparsityFigures:
     error = np.abs(reconstructed - depth)
     before = steps(depth)[lines]
     after = steps(reconstructed)[lines] * np.sign(before)  # a step the wrong way counts against
     before = np.abs(before)
-    return {
-        "mae_m": mean(error),
-        "rmse_m": float(np.sqrt(mean(error**2))),
-        "mae_at_jumps_m": mean(error[beside]),
-        "mae_elsewhere_m": mean(error[~beside]),
-        "height_kept": mean(after) / mean(before),
-        "preserved": mean(after >= PRESERVED * before),
-    }
+    return SparsityFigures(
+        mae_m=mean(error),
+        rmse_m=float(np.sqrt(mean(error**2))),
+        mae_at_jumps_m=mean(error[beside]),
+        mae_elsewhere_m=mean(error[~beside]),
+        height_kept=mean(after) / mean(before),
+        preserved=mean(after >= PRESERVED * before),
+    )

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from eval.depth.metrics import BANDS
-from eval.text import new_table, number, paragraphs, rendered
-
-VIEWS = {"image": "In the image", "full": "All around"}
+from eval.depth.report import VIEWS, DepthReport
+from eval.text import number, protocol_text, text_table
 
 #: Table II of Yue et al., on 154 frames of its own, after training on 1730.
 PAPER = {
@@ -17,8 +16,8 @@ PAPER = {
     "f2l": {"rmse_mm": 8339, "mae_mm": 1153},
 }
 
-#: Column title, keys in a view's figures, factor, decimals.
-COLUMNS: tuple[tuple[str, tuple[str, ...], float, int], ...] = (
+#: Column title, keys in a view's figures in depth.json, factor, decimals.
+FIGURE_COLUMNS: tuple[tuple[str, tuple[str, ...], float, int], ...] = (
     ("MAE\n[mm]", ("mae_mm",), 1, 0),
     ("RMSE\n[mm]", ("rmse_mm",), 1, 0),
     ("iMAE\n[1/km]", ("imae",), 1, 2),
@@ -35,7 +34,7 @@ COLUMNS: tuple[tuple[str, tuple[str, ...], float, int], ...] = (
     ("RMSE, best\n80 %", ("at_80", "rmse_mm"), 1, 0),
 )
 #: Of a method whatever the view.
-OF_A_METHOD = {"ms": ("ms a\nframe", ("ms",), 1, 1), "parameters": ("param-\neters", ("parameters",), 1, 0)}
+METHOD_COLUMNS = {"ms": ("ms a\nframe", ("ms",), 1, 1), "parameters": ("param-\neters", ("parameters",), 1, 0)}
 BAND_COLUMNS = tuple(
     (f"{low}-{high} m\n{title}", ("bands", f"{low}-{high}", key), factor, decimals)
     for low, high in BANDS
@@ -43,39 +42,21 @@ BAND_COLUMNS = tuple(
 )
 
 
-def format_depth(report: Mapping[str, Any]) -> str:
-    """What depth.json holds as tables with a row a method, as wide as they need to be, and the protocol below."""
-    methods = {name: entry for name, entry in report.items() if name != "about"}
+def format_report(report: DepthReport) -> str:
+    """Tables with a row a method, as wide as they need to be, and the protocol below."""
+    methods = {name: method.as_dict() for name, method in report.methods.items()}
     tables = [table for view, title in VIEWS.items() for table in _tables(view, title, methods)]
-    return "\n".join([*tables, text_protocol(report["about"]["protocol"])])
-
-
-def text_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Plain text, as wide as it needs to be; the first column is flushed left, the others right."""
-    table = new_table(*titles, left=1)
-    for row in rows:
-        table.add_row(*row)
-    return rendered(table)
-
-
-def text_number(value: float | None, factor: float, decimals: int) -> str:
-    """So many times the value, a dash for what could not be computed."""
-    return number(None if value is None else factor * value, decimals)
-
-
-def text_protocol(protocol: Mapping[str, str]) -> str:
-    """What figures mean, a paragraph each."""
-    return "Protocol\n" + paragraphs([f"{name}: {text}" for name, text in protocol.items()])
+    return "\n".join([*tables, protocol_text(report.about.protocol)])
 
 
 def _tables(view: str, title: str, methods: Mapping[str, Any]) -> Iterator[str]:
     """Of one view, if any method has figures of it; columns that none has anything in are left out."""
     shown = {
-        name: entry[view] | {key: entry.get(key) for key in OF_A_METHOD}
+        name: entry[view] | {key: entry.get(key) for key in METHOD_COLUMNS}
         for name, entry in methods.items()
         if view in entry
     }
-    for columns in ((*COLUMNS, *OF_A_METHOD.values()), BAND_COLUMNS):
+    for columns in ((*FIGURE_COLUMNS, *METHOD_COLUMNS.values()), BAND_COLUMNS):
         lines = shown | (_papers(shown) if view == "image" and columns is not BAND_COLUMNS else {})
         rows = [[name, *(_cell(figures, *column[1:]) for column in columns)] for name, figures in lines.items()]
         used = [k for k in range(len(columns)) if any(row[k + 1] != "-" for row in rows)]
@@ -94,4 +75,4 @@ def _cell(figures: Mapping[str, Any], keys: tuple[str, ...], factor: float, deci
     value: Any = figures
     for key in keys:
         value = value.get(key) if value else None
-    return text_number(value, factor, decimals)
+    return number(value, decimals, factor)

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from slam.data.laser_lines import LaserLines
 
 
+#: Raw scans lie nearer to their lines [deg]: KITTI's, rounded to 1 mm, within 0.005.
+TYPICAL_RESIDUAL = 0.02
+
+
 def fit_lasers(
     dataset: Annotated[Path, typer.Argument(help="A KITTI raw folder, or a folder of raw scans.")],
     sequence: SequenceOption = None,
@@ -36,32 +40,26 @@ def fit_lasers(
     import numpy as np
 
     from slam.data.atomic import write_text
-    from slam.data.dataset import open_dataset
+    from slam.data.dataset import chosen_positions, open_dataset
     from slam.data.laser_lines import fit_dataset, sensor_text
 
     if out.exists():
         raise InputError(f"{out}: exists already; choose another --out, or move it away")
     require_writable(out.parent)
     data = open_dataset(dataset, sequence)
-    positions = range(len(data))[frame_slice(frames)]
-    if not positions:
-        raise InputError(f"--frames {frames}: no frames, the drive has {len(data)}")
+    positions = chosen_positions(data, frame_slice(frames))
     with progress(f"{data.name}: reading scans", len(positions)) as advance:
         lines, problems = fit_dataset(data, positions, rings, advance)
     for problem in problems:
         messages.print(f"Note: {problem.kind}: {problem.message}", style="yellow", markup=False)
     off = float(np.rad2deg(np.median(lines.residual)))
-    if off > TYPICAL:
+    if off > TYPICAL_RESIDUAL:
         text = f"points lie {off:.3f} deg off their lines; raw scans are expected, not motion-compensated ones"
         messages.print(f"Note: {data.path}: {text}", style="yellow", markup=False)
     name, correction = (data.sensor.name, data.sensor.vertical_correction) if data.sensor else (data.name, 0.0)
     write_text(out, sensor_text(lines, name, correction))
     print(_table(lines))
     print(f"Written to {out}")
-
-
-#: Raw scans lie nearer to their lines [deg]: KITTI's, rounded to 1 mm, within 0.005.
-TYPICAL = 0.02
 
 
 def _table(lines: LaserLines) -> str:

@@ -110,6 +110,14 @@ def open_dataset(path: str | Path, sequence: str | None = None, sensor: str | Pa
     raise InputError(f"{path}: no drive found; looked for {', '.join(layouts[:-1])} and {layouts[-1]}")
 
 
+def chosen_positions(data: Dataset, frames: slice) -> range:
+    """The positions of a drive's frames that `frames` chooses. Raises InputError where there are none."""
+    positions = range(len(data))[frames]
+    if not positions:
+        raise InputError(f"{data.path}: no frames in that range; the drive has {len(data)}, from 0")
+    return positions
+
+
 def _pick(path: Path, found: dict[str, Path], wanted: str | None) -> Path:
     """The one folder that is meant: by its name, its number ('4', '0005'), or by being the only one."""
     if "" in found:

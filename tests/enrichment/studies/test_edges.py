@@ -21,36 +21,36 @@ def picture(brightness: Array, depth: Array, known: Array | None = None) -> Dept
 def test_an_edge_at_the_discontinuity_is_precise_and_complete(detector: str) -> None:
     figures = edges(picture(50 + 150 * (COLUMN >= 40), 10 + 10 * (COLUMN >= 40)))[detector]
     for threshold in THRESHOLDS[:-1]:
-        assert figures[str(threshold)]["precision"] == 1
-        assert figures[str(threshold)]["recall"] == 1
-        assert figures[str(threshold)]["recall_by_chance"] < 0.2
+        assert figures[threshold].precision == 1
+        assert figures[threshold].recall == 1
+        assert figures[threshold].recall_by_chance < 0.2
 
 
 def test_an_edge_elsewhere_is_neither() -> None:
-    figures = edges(picture(50 + 150 * (COLUMN >= 20), 10 + 10 * (COLUMN >= 60)))["canny"]["90"]
-    assert figures["precision"] == 0
-    assert figures["recall"] == 0
+    figures = edges(picture(50 + 150 * (COLUMN >= 20), 10 + 10 * (COLUMN >= 60)))["canny"][90]
+    assert figures.precision == 0
+    assert figures.recall == 0
 
 
 def test_paint_halves_precision_and_leaves_recall() -> None:
     stripe = 150 * (COLUMN >= 40) * (COLUMN < 60)
-    figures = edges(picture(50 + stripe, 10 + 10 * (COLUMN >= 40)))["canny"]["90"]
-    assert figures["precision"] == pytest.approx(0.5, abs=0.02)
-    assert figures["recall"] == 1
+    figures = edges(picture(50 + stripe, 10 + 10 * (COLUMN >= 40)))["canny"][90]
+    assert figures.precision == pytest.approx(0.5, abs=0.02)
+    assert figures.recall == 1
 
 
 def test_recall_falls_as_the_threshold_rises() -> None:
     contrast = np.linspace(0, 250, 64)[:, None]
     found = edges(picture(np.where(COLUMN >= 40, contrast, 0), 10 + 10 * (COLUMN >= 40)))
     for detector in DETECTORS:
-        recall = [figures["recall"] for figures in found[detector].values()]
+        recall = [figures.recall for figures in found[detector].values()]
         assert all(np.diff(recall) <= 0)
         assert recall[0] > recall[-1]
 
 
 def test_what_is_not_known_does_not_count() -> None:
     known = COLUMN < 30
-    figures = edges(picture(50 + 150 * (COLUMN >= 40), 10 + 10 * (COLUMN >= 60), known))["canny"]["90"]
-    assert np.isnan(figures["precision"])
-    assert np.isnan(figures["recall"])
-    assert figures["edges"] == 0
+    figures = edges(picture(50 + 150 * (COLUMN >= 40), 10 + 10 * (COLUMN >= 60), known))["canny"][90]
+    assert np.isnan(figures.precision)
+    assert np.isnan(figures.recall)
+    assert figures.edges == 0

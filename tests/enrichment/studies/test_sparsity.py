@@ -34,7 +34,7 @@ def test_one_frequency_needs_one_coefficient(selection: str) -> None:
 def test_errors_grow_as_coefficients_go(selection: str) -> None:
     rng = np.random.default_rng(3)
     depth = 20 + np.where(COLUMN > 50, 15.0, 0) + rng.normal(0, 1, ROW.shape)
-    errors = [figures["rmse_m"] for figures in sparsity(depth_image(depth))[selection].values()]
+    errors = [figures.rmse_m for figures in sparsity(depth_image(depth))[selection].values()]
     assert errors[0] == pytest.approx(0, abs=1e-9)
     assert all(np.diff(errors) > 0)
 
@@ -45,21 +45,21 @@ def test_the_largest_are_never_worse_than_the_lowest() -> None:
     for fraction in FRACTIONS[1:]:
         kept = round(np.sqrt(fraction) * 64) * round(np.sqrt(fraction) * 96) / (64 * 96)
         assert kept <= 1.1 * fraction
-        assert figures["largest"][str(fraction)]["rmse_m"] <= figures["lowest"][str(fraction)]["rmse_m"] + 1e-9
+        assert figures["largest"][fraction].rmse_m <= figures["lowest"][fraction].rmse_m + 1e-9
 
 
 def test_an_edge_is_lost_with_the_frequencies_it_needs() -> None:
     bars = np.where(COLUMN // 12 % 2, 30.0, 10.0)
     lowest = sparsity(depth_image(bars))["lowest"]
-    assert lowest["1.0"]["preserved"] == 1
-    assert lowest["1.0"]["height_kept"] == pytest.approx(1)
-    assert lowest["0.015625"]["height_kept"] < 0.9
-    assert lowest["0.015625"]["mae_at_jumps_m"] > 2 * lowest["0.015625"]["mae_elsewhere_m"]
+    assert lowest[1.0].preserved == 1
+    assert lowest[1.0].height_kept == pytest.approx(1)
+    assert lowest[0.015625].height_kept < 0.9
+    assert lowest[0.015625].mae_at_jumps_m > 2 * lowest[0.015625].mae_elsewhere_m
 
 
 def test_without_discontinuities_only_errors_are_figures() -> None:
     plain, stepped = (sparsity(depth_image(depth)) for depth in (np.full((64, 96), 10.0), 10.0 + 20 * (COLUMN > 50)))
-    assert np.isnan(plain["largest"]["0.5"]["preserved"])
-    both = mean_figures([plain, stepped])["lowest"]["0.5"]
-    assert both["preserved"] == stepped["lowest"]["0.5"]["preserved"]
-    assert both["rmse_m"] == pytest.approx(stepped["lowest"]["0.5"]["rmse_m"] / 2)
+    assert np.isnan(plain["largest"][0.5].preserved)
+    both = mean_figures([plain, stepped])["lowest"][0.5]
+    assert both.preserved == stepped["lowest"][0.5].preserved
+    assert both.rmse_m == pytest.approx(stepped["lowest"][0.5].rmse_m / 2)

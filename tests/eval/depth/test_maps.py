@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from eval.depth.maps import depth_map_triples, evaluate_map, is_depth_map_folder, mean_figures
+from eval.depth.maps import depth_map_figures, depth_map_triples, is_depth_map_folder, mean_over_images
 from slam.data.errors import InputError
 
 NAMES = {
@@ -63,22 +63,22 @@ def test_sizes_that_differ_are_refused(folder):
 
 def test_figures_are_of_pixels_with_truth():
     truth, dense = np.array([[2.0, 4.0, 0.0, 5.0]]), np.array([[2.5, 4.0, 9.0, 0.0]])
-    figures = evaluate_map(truth, dense)
-    assert figures["coverage"] == pytest.approx(2 / 3)
-    assert figures["mae_mm"] == pytest.approx(250)
-    assert figures["rmse_mm"] == pytest.approx(1000 * np.sqrt(0.25 / 2))
-    assert figures["imae"] == pytest.approx(50)
+    figures = depth_map_figures(truth, dense)
+    assert figures.coverage == pytest.approx(2 / 3)
+    assert figures.mae_mm == pytest.approx(250)
+    assert figures.rmse_mm == pytest.approx(1000 * np.sqrt(0.25 / 2))
+    assert figures.imae == pytest.approx(50)
 
 
 def test_means_are_over_images_not_over_pixels():
     one, other = np.ones((1, 1)), np.ones((3, 1))
-    figures = mean_figures([evaluate_map(one, one + 1), evaluate_map(other, other)])
-    assert figures["images"] == 2
-    assert figures["rmse_mm"] == pytest.approx(500)
+    figures = mean_over_images([depth_map_figures(one, one + 1), depth_map_figures(other, other)])
+    assert figures.images == 2
+    assert figures.rmse_mm == pytest.approx(500)
 
 
 def test_images_without_a_prediction_count_as_uncovered():
     one = np.ones((1, 1))
-    figures = mean_figures([evaluate_map(one, one + 1), evaluate_map(one, one * 0)])
-    assert figures["coverage"] == 0.5
-    assert figures["mae_mm"] == pytest.approx(1000)
+    figures = mean_over_images([depth_map_figures(one, one + 1), depth_map_figures(one, one * 0)])
+    assert figures.coverage == 0.5
+    assert figures.mae_mm == pytest.approx(1000)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eval.depth import metrics as depth
-from eval.depth.metrics import Answers, evaluate, risk_coverage
+from eval.depth import metrics
+from eval.depth.metrics import Answers, range_figures, risk_coverage
 
 TRUTH = np.array([5.0, 10.0, 20.0, 50.0, 60.0])
 PREDICTED = np.array([5.2, 9.5, 22.0, 50.0, 0.0])
@@ -17,51 +17,51 @@ values = st.lists(st.tuples(st.floats(0, 100), st.sampled_from([0.1, 0.2, 0.5, 1
 
 
 def test_errors_are_of_the_returns_that_have_a_prediction():
-    figures = evaluate(TRUTH, PREDICTED, SIGMA, TRUSTED)
-    assert figures["returns"] == 5
-    assert figures["coverage"] == 0.8
-    assert figures["mae_mm"] == pytest.approx((200 + 500 + 2000 + 0) / 4)
-    assert figures["rmse_mm"] == pytest.approx(1000 * np.sqrt((0.04 + 0.25 + 4) / 4))
-    assert figures["median_mm"] == pytest.approx(350)
-    assert figures["worse_0.3m"] == 0.5
-    assert figures["worse_1m"] == 0.25
+    figures = range_figures(TRUTH, PREDICTED, SIGMA, TRUSTED)
+    assert figures.returns == 5
+    assert figures.coverage == 0.8
+    assert figures.mae_mm == pytest.approx((200 + 500 + 2000 + 0) / 4)
+    assert figures.rmse_mm == pytest.approx(1000 * np.sqrt((0.04 + 0.25 + 4) / 4))
+    assert figures.median_mm == pytest.approx(350)
+    assert figures.worse_0_3m == 0.5
+    assert figures.worse_1m == 0.25
     inverse = np.array([200 - 1000 / 5.2, 1000 / 9.5 - 100, 50 - 1000 / 22, 0])
-    assert figures["imae"] == pytest.approx(inverse.mean())
-    assert figures["irmse"] == pytest.approx(np.sqrt((inverse**2).mean()))
-    assert figures["calibration"] == 0.75
+    assert figures.imae == pytest.approx(inverse.mean())
+    assert figures.irmse == pytest.approx(np.sqrt((inverse**2).mean()))
+    assert figures.calibration == 0.75
 
 
 def test_bands_share_the_returns_out_by_true_range():
-    bands = evaluate(TRUTH, PREDICTED, SIGMA, TRUSTED)["bands"]
-    assert {name: band["returns"] for name, band in bands.items()} == {"0-10": 1, "10-20": 1, "20-40": 1, "40-80": 2}
-    assert bands["10-20"]["mae_mm"] == pytest.approx(500)
-    assert bands["40-80"]["coverage"] == 0.5
+    bands = range_figures(TRUTH, PREDICTED, SIGMA, TRUSTED).bands
+    assert {name: band.returns for name, band in bands.items()} == {"0-10": 1, "10-20": 1, "20-40": 1, "40-80": 2}
+    assert bands["10-20"].mae_mm == pytest.approx(500)
+    assert bands["40-80"].coverage == 0.5
 
 
 def test_trusted_predictions_alone():
-    trusted = evaluate(TRUTH, PREDICTED, SIGMA, TRUSTED)["trusted"]
-    assert trusted["coverage"] == 0.4
-    assert trusted["mae_mm"] == pytest.approx(350)
+    trusted = range_figures(TRUTH, PREDICTED, SIGMA, TRUSTED).trusted
+    assert trusted.coverage == 0.4
+    assert trusted.mae_mm == pytest.approx(350)
 
 
 def test_the_surest_80_percent():
     error = np.array([0.1, 0.2, 0.3, 0.4, 5.0])
-    figures = evaluate(TRUTH, TRUTH + error, np.array([0.5, 0.1, 0.3, 0.2, 9.0]), np.ones(5, bool))
-    assert figures["at_80"]["mae_mm"] == pytest.approx(250)
+    figures = range_figures(TRUTH, TRUTH + error, np.array([0.5, 0.1, 0.3, 0.2, 9.0]), np.ones(5, bool))
+    assert figures.at_80.mae_mm == pytest.approx(250)
 
 
 def test_ause_by_hand():
     """Errors 1, 3 m, the larger one held for the surer: curves 3, 2 and 1, 2."""
     truth = np.array([10.0, 10.0])
-    figures = evaluate(truth, np.array([11.0, 13.0]), np.array([0.2, 0.1]), np.ones(2, bool))
-    assert figures["ause_mm"] == pytest.approx(1000)
-    assert figures["risk_coverage"]["mae_mm"][-1] == pytest.approx(2000)
-    assert figures["risk_coverage"]["oracle_mm"][0] == pytest.approx(1000)
+    figures = range_figures(truth, np.array([11.0, 13.0]), np.array([0.2, 0.1]), np.ones(2, bool))
+    assert figures.ause_mm == pytest.approx(1000)
+    assert figures.risk_coverage.mae_mm[-1] == pytest.approx(2000)
+    assert figures.risk_coverage.oracle_mm[0] == pytest.approx(1000)
 
 
 def test_sigma_in_the_order_of_errors_has_no_ause():
     error = np.array([0.4, 0.1, 2.0, 0.7, 0.2])
-    assert evaluate(TRUTH, TRUTH + error, 3 * error, np.ones(5, bool))["ause_mm"] == pytest.approx(0, abs=1e-9)
+    assert range_figures(TRUTH, TRUTH + error, 3 * error, np.ones(5, bool)).ause_mm == pytest.approx(0, abs=1e-9)
 
 
 @given(values)
@@ -84,25 +84,25 @@ def test_one_sigma_for_all_says_nothing():
 
 
 def test_without_sigma_there_is_no_uncertainty_to_measure():
-    figures = evaluate(TRUTH, PREDICTED, np.full(5, np.inf), TRUSTED)
-    assert figures["mae_mm"] is not None
-    assert [figures[name] for name in ("ause_mm", "calibration", "at_80", "risk_coverage")] == [None] * 4
+    figures = range_figures(TRUTH, PREDICTED, np.full(5, np.inf), TRUSTED)
+    assert figures.mae_mm is not None
+    assert [getattr(figures, name) for name in ("ause_mm", "calibration", "at_80", "risk_coverage")] == [None] * 4
 
 
 @pytest.mark.parametrize("count", [0, 5])
 def test_nothing_predicted(count):
     nothing = np.zeros(count)
-    figures = evaluate(TRUTH[:count], nothing, nothing + np.inf, nothing > 0)
-    assert figures["coverage"] == (0 if count else None)
-    assert figures["mae_mm"] is None
-    assert figures["bands"]["0-10"]["mae_mm"] is None
+    figures = range_figures(TRUTH[:count], nothing, nothing + np.inf, nothing > 0)
+    assert figures.coverage == (0 if count else None)
+    assert figures.mae_mm is None
+    assert figures.bands["0-10"].mae_mm is None
 
 
 def test_answers_of_frames_are_answers_of_all():
     answers, answer = Answers(2), (PREDICTED, SIGMA, TRUSTED)
     for part in (slice(0, 2), slice(2, 5)):
         answers.add(TRUTH[part], {"method": tuple(values[part] for values in answer)})
-    expected = evaluate(TRUTH.astype(np.float32), *answer)
+    expected = range_figures(TRUTH.astype(np.float32), *answer)
     assert answers.figures()["method"] == expected
 
 
@@ -110,16 +110,16 @@ def test_answers_that_count():
     answers = Answers(1)
     answers.add(TRUTH, {"method": (PREDICTED, SIGMA, TRUSTED)}, np.array([False, True, True, False, False]))
     figures = answers.figures()["method"]
-    assert figures["returns"] == 2
-    assert figures["mae_mm"] == pytest.approx(1250)
+    assert figures.returns == 2
+    assert figures.mae_mm == pytest.approx(1250)
 
 
 def test_no_more_answers_are_kept_than_there_is_room_for(monkeypatch):
-    monkeypatch.setattr(depth, "MOST_RETURNS", 200)
+    monkeypatch.setattr(metrics, "MOST_RETURNS", 200)
     answers, truth = Answers(2), np.linspace(1, 70, 1000)
     for _ in range(2):
         answers.add(truth, {"method": (truth + 0.5, truth, truth > 0)})
     figures = answers.figures()["method"]
-    assert figures["returns"] == 200
-    assert figures["mae_mm"] == pytest.approx(500, rel=1e-3)
-    assert all(band["returns"] > 0 for band in figures["bands"].values())
+    assert figures.returns == 200
+    assert figures.mae_mm == pytest.approx(500, rel=1e-3)
+    assert all(band.returns > 0 for band in figures.bands.values())

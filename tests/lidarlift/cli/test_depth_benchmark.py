@@ -70,7 +70,7 @@ def test_what_is_wrong_is_said_in_one_line(lidarlift: Command, street_drive: Dri
     drive = street_drive({0: b""})
     lidarlift("depth-benchmark", "nowhere").refused("nowhere")
     lidarlift("depth-benchmark", drive, "--method", "delauny").refused("delauny", "did you mean 'delaunay'")
-    lidarlift("depth-benchmark", drive, "--frames", "20:").refused("it has 8")
+    lidarlift("depth-benchmark", drive, "--frames", "20:").refused("the drive has 8")
     lidarlift("depth-benchmark", drive, "--frames", "8").refused("FROM:TO")
     lidarlift("depth-benchmark", drive, "--sensor", "vlp16", "--phase", "2").refused("--phase 2", "0 and 1")
     result = lidarlift("depth-benchmark", drive, "--frames", ":1")

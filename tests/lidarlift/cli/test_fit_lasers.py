@@ -69,7 +69,7 @@ def test_compensated_scans_are_refused(lidarlift: Command, street_drive: Drive) 
 
 
 def test_no_frames_are_refused(lidarlift: Command, raw: Path) -> None:
-    lidarlift("fit-lasers", raw, "--frames", "20:").refused("--frames 20:", "the drive has 8")
+    lidarlift("fit-lasers", raw, "--frames", "20:").refused("no frames in that range", "the drive has 8")
 
 
 def test_help_has_an_example(lidarlift: Command) -> None:

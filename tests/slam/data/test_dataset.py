@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from slam.data.dataset import open_dataset
+from slam.data.dataset import chosen_positions, open_dataset
 from slam.data.errors import InputError
 
 
@@ -109,3 +109,11 @@ def test_another_package_adds_a_kind_of_data_set(tmp_path: Path, monkeypatch: py
         open_dataset(tmp_path / "data")
     with pytest.raises(InputError, match=r"no drive found; looked for KITTI .*, text files \(\*\.drive\) and scans"):
         open_dataset(information)
+
+
+def test_a_range_without_frames_is_refused(odometry_root: Path) -> None:
+    dataset = open_dataset(odometry_root)
+    assert list(chosen_positions(dataset, slice(None))) == list(range(len(dataset)))
+    assert list(chosen_positions(dataset, slice(None, None, -1)))[-1] == 0
+    with pytest.raises(InputError, match=f"no frames in that range; the drive has {len(dataset)}, from 0"):
+        chosen_positions(dataset, slice(len(dataset), None))

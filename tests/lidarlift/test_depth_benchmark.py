@@ -1,0 +1,82 @@
+"""The depth benchmark as a function: figures of methods whose answers are known, and progress."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from enrichment.geometry.rays import Prediction, RayGrid
+from enrichment.geometry.sparse_scan import SparseScan
+from lidarlift.depth_benchmark import completions, report_of_depth_maps, report_of_drive
+from slam.data.cloud import Array
+from slam.data.dataset import open_dataset
+from slam.data.errors import InputError
+
+
+class AlwaysTenMetres:
+    """Of every ray; it learned three numbers."""
+
+    parameters = 3
+
+    def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
+        shape = (grid.sensor.ring_count, grid.columns)
+        return Prediction(np.full(shape, 10, np.float32), np.ones(shape, np.float32), np.ones(shape, bool))
+
+
+def test_every_method_answers_for_every_frame(street_drive: Callable[..., Path]) -> None:
+    data, seen = open_dataset(street_drive({1: b""})), list[None]()
+    report = report_of_drive(data, {"ten": AlwaysTenMetres()}, slice(0, 3), 1, lambda: seen.append(None))
+    assert len(seen) == 3
+    assert (report.about.frames, report.about.frames_left_out) == ((0, 1, 2), (1,))
+    assert (report.about.ring_step, report.about.phase) == (4, 1)
+    ten = report.methods["ten"]
+    assert ten.image is None
+    assert ten.full is not None
+    assert ten.parameters == 3
+    assert ten.full.coverage == 1
+    assert ten.full.returns == pytest.approx(2 * 48 * 600, rel=0.01)  # 48 of 64 rings of 600 returns, of two scans
+    assert ten.full.bands["0-10"].returns + ten.full.bands["10-20"].returns > 0
+    json.dumps(report.as_dict(), allow_nan=False)
+
+
+def test_what_cannot_be_measured_is_refused(street_drive: Callable[..., Path]) -> None:
+    data = open_dataset(street_drive())
+    with pytest.raises(InputError, match="the drive has 8"):
+        report_of_drive(data, {}, slice(20, None))
+    scans = open_dataset(data.path / "velodyne")  # without the sensor.yaml beside them
+    with pytest.raises(InputError, match="nobody knows which LiDAR"):
+        report_of_drive(scans, {})
+
+
+def test_depth_maps_are_completed_by_every_method(tmp_path: Path) -> None:
+    for kind, values in (
+        ("velodyne_raw", np.full((2, 3), 512)),
+        ("groundtruth_depth", np.full((2, 3), 768)),
+        ("image", np.zeros((2, 3, 3))),
+    ):
+        (tmp_path / kind).mkdir()
+        cv2.imwrite(str(tmp_path / kind / f"a_{kind}_1.png"), values.astype(np.uint8 if kind == "image" else np.uint16))
+    seen = list[None]()
+
+    def as_measured(sparse: Array, _image: Array) -> Array:
+        return sparse
+
+    report = report_of_depth_maps(tmp_path, {"same": as_measured}, on_image=lambda: seen.append(None))
+    figures = report.methods["same"].image
+    assert figures is not None
+    assert figures.mae_mm == pytest.approx(1000)  # 2 m where 3 m are true
+    assert (figures.coverage, len(seen)) == (1, 1)
+    with pytest.raises(InputError, match="no depth maps in that range; it has 1"):
+        report_of_depth_maps(tmp_path, {"same": as_measured}, slice(1, None))
+
+
+def test_only_what_completes_images_completes_depth_maps() -> None:
+    assert list(completions(["mrf"])) == ["mrf"]
+    assert "delaunay" in completions()
+    with pytest.raises(InputError, match=r"delauny: does not complete depth maps.*delaunay"):
+        completions(["delauny"])
