@@ -7,7 +7,8 @@ import onnxruntime
 import pytest
 import torch
 
-from enrichment.lift import network as lift
+from enrichment.lift.channels import CANDIDATES, RAYS, RINGS
+from enrichment.lift.network import Lift
 from enrichment.methods.onnx_network import WEIGHTS
 from enrichment.methods.registry import LIFT, NETWORK_METHODS, runnable
 from enrichment.networks.export import load_weights
@@ -54,10 +55,10 @@ def test_onnx_gives_torchs_depths(name: str) -> None:
 def test_lifts_onnx_gives_torchs_ranges() -> None:
     """Of the ray segments' own candidates, for want of a scan."""
     generator = torch.Generator().manual_seed(0)
-    rays = torch.rand(1, lift.RAYS, 45, 96, generator=generator)
-    candidates = 5 + 40 * torch.rand(1, lift.CANDIDATES, 45, 96, generator=generator)
-    rings, upper = torch.rand(1, lift.RINGS, 16, 96, generator=generator), torch.arange(45) // 3
-    network = lift.Lift().eval()
+    rays = torch.rand(1, RAYS, 45, 96, generator=generator)
+    candidates = 5 + 40 * torch.rand(1, CANDIDATES, 45, 96, generator=generator)
+    rings, upper = torch.rand(1, RINGS, 16, 96, generator=generator), torch.arange(45) // 3
+    network = Lift().eval()
     load_weights(network, WEIGHTS / "lift.safetensors")  # type: ignore[arg-type]
     with torch.no_grad():
         expected = network(rings, upper, rays, candidates)
