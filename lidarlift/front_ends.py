@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def front_end_for(settings: FrontEndSettings, data: Dataset) -> FrontEnd:
     """The rings that are there, or, for input enriched, what fills them in. Raises InputError as `RingFrontEnd` does,
-    and where nobody knows the laser lines that are to be filled in."""
+    where nobody knows the laser lines that are to be filled in, and where there is no method of that name."""
     from slam.front_end import RingFrontEnd
 
     measured = RingFrontEnd(settings, data.sensor)
@@ -29,5 +29,5 @@ def front_end_for(settings: FrontEndSettings, data: Dataset) -> FrontEnd:
     from enrichment.methods.registry import METHODS
 
     target = data.sensor if data.sensor.ring_count == 64 else None
-    method = METHODS[settings.enricher]()
+    method = METHODS.load(settings.enricher)()
     return Enricher(measured, method, *measured.lines(), target, coverage=settings.coverage)

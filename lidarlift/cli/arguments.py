@@ -3,30 +3,21 @@
 from __future__ import annotations
 
 import os
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from enrichment.methods.registry import METHODS
 from slam.data.errors import InputError
 
-
-class Enricher(StrEnum):
-    LIFT = "lift"
-    RAY_SEGMENT = "ray-segment"
-    JOINT = "joint"
-    L2L = "l2l"
-    LI2L = "li2l"
-    F2L = "f2l"
-
-
 EnricherOption = Annotated[
-    Enricher | None,
+    str | None,
     typer.Option(
         "--enricher",
-        help="What fills in: lift, our network, the default; ray-segment, without learning and faster; joint, with the "
-        "image; or a network of the paper.",
+        metavar="NAME",
+        help=f"What fills in: {', '.join(METHODS.names())}. Default: lift, our network; ray-segment learns nothing and "
+        "is faster.",
     ),
 ]
 

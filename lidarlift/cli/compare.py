@@ -44,7 +44,7 @@ def compare(
     data = open_dataset(dataset, sequence, sensor)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
 
-    rows = rows_for(inputs_of(data), enricher and enricher.value, config, set_ or ())
+    rows = rows_for(inputs_of(data), enricher, config, set_ or ())
     compare_into(folder, data, rows, frame_slice(frames), strict=strict)
 
 
@@ -59,15 +59,17 @@ def rows_for(
 ) -> dict[str, Config]:
     """The configuration of each row: the inputs, and ray-segment before another enricher, if that can run here.
 
-    Raises InputError as `load_config` does.
+    Raises InputError as `load_config` and, on the enricher's name, `Registry.load` do.
     """
-    from enrichment.methods.registry import runnable
+    from enrichment.methods.registry import METHODS, runnable
 
     rows = {}
     for channels in inputs:
         settings = load_config(source, overrides, input=channels, enricher=enricher)
-        if channels == "enriched" and settings.front_end.enricher in set(runnable()) - {TRAINING_FREE}:
-            rows[TRAINING_FREE] = load_config(source, overrides, input=channels, enricher=TRAINING_FREE)
+        if channels == "enriched":
+            METHODS.load(settings.front_end.enricher)  # a wrong name is refused before the first row is run
+            if settings.front_end.enricher in set(runnable()) - {TRAINING_FREE}:
+                rows[TRAINING_FREE] = load_config(source, overrides, input=channels, enricher=TRAINING_FREE)
         rows[channels] = settings
     return rows
 

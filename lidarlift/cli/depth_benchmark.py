@@ -123,15 +123,12 @@ def report_of_drive(
 
 def _of_depth_maps(folder: Path, chosen: slice, names: Collection[str] | None) -> Report:
     """Every method of the image on KITTI's depth maps, each with the LiDAR's own 64 lines as input."""
-    from enrichment.interpolation.depth_completion import COMPLETIONS
+    from enrichment.methods.registry import COMPLETIONS
     from eval.depth.maps import PROTOCOL, depth_map_triples, evaluate_map, mean_figures
-    from slam.data.yaml_files import nearest
 
     triples = _chosen(depth_map_triples(folder), chosen, folder)
-    for name in names or ():
-        if name not in COMPLETIONS:
-            raise InputError(f"--method {name}: does not complete depth maps{nearest(name, COMPLETIONS)}")
-    clocks = {name: _Clock(COMPLETIONS[name]) for name in names or COMPLETIONS}
+    COMPLETIONS.require(*names or ())
+    clocks = {name: _Clock(COMPLETIONS.load(name)().complete) for name in names or COMPLETIONS.names()}
     figures: dict[str, list[dict[str, Any]]] = {name: [] for name in clocks}
     with progress(folder.name, len(triples)) as advance:
         for triple in triples:

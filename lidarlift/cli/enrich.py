@@ -48,7 +48,7 @@ def enrich(
 
     require_writable(out)
     data = open_dataset(dataset, sequence, sensor)
-    settings = load_config(config, set_ or (), input="enriched", enricher=enricher and enricher.value).front_end
+    settings = load_config(config, set_ or (), input="enriched", enricher=enricher).front_end
     front_end = front_end_for(settings, data)
     positions = range(len(data))[frame_slice(frames)]
     if len(positions) == 0:

@@ -54,9 +54,9 @@ def run(
     if few_rings and input is Input.SIXTY_FOUR:
         raise InputError(f"{dataset}: its sensor has no 64 rings; leave --input out")
     channels = input.value if input else "16" if few_rings else None
-    settings = load_config(config, set_ or (), input=channels, enricher=enricher and enricher.value)
+    settings = load_config(config, set_ or (), input=channels, enricher=enricher)
     if enricher and settings.front_end.input != "enriched":
-        raise InputError(f"--enricher {enricher.value}: nothing is filled in here; add --input enriched")
+        raise InputError(f"--enricher {enricher}: nothing is filled in here; add --input enriched")
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{settings.front_end.input}"
 
     metrics = run_into(folder, data, settings, frame_slice(frames), odometry=odometry, strict=strict)

@@ -98,10 +98,9 @@ def train(
     from enrichment.networks.registry import NETWORKS
     from enrichment.training.checkpoint import CHECKPOINT
     from enrichment.training.plan import Plan
-    from slam.data.yaml_files import nearest
 
-    if model not in (known := [LIFT, *NETWORKS]):
-        raise InputError(f"unknown network '{model}'{nearest(model, known)}")
+    if model != LIFT:
+        NETWORKS.require(model)
     if self_supervised and model != LIFT:
         raise InputError(f"--self-supervised: {model} learns from other rings than the LiDAR's own; choose {LIFT}")
     if (out / CHECKPOINT).exists() and not resume:

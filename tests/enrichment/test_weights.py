@@ -41,7 +41,7 @@ def test_onnx_gives_torchs_depths(name: str) -> None:
     generator = torch.Generator().manual_seed(0)
     image, depth = (torch.rand(1, channels, 96, 160, generator=generator) for channels in (3, 1))
     given = {"image": image, "depth": torch.where(depth < 0.05, 1200 * depth, 0)}
-    network = NETWORKS[name]().eval()
+    network = NETWORKS.load(name)().eval()
     load_weights(network, WEIGHTS / f"{name}.safetensors")  # type: ignore[arg-type]  # a path, installed unpacked
     with torch.no_grad():
         expected = network(**given).numpy()
