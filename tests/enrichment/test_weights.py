@@ -25,7 +25,7 @@ def test_each_has_both_files_and_a_card_and_can_run() -> None:
         card = (WEIGHTS / f"{name}.md").read_text()
         for heading in ("## Data", "## Training", "## Figures", "## Licence"):
             assert heading in card
-        assert f"lidarlift train {name}" in card
+        assert f"lidarlift train {name if name == LIFT else f'depth {name}'} " in card
         assert "non-commercial use only" in card
         assert "KITTI odometry 04" not in card  # the drives for tests
         assert name == LIFT or "drive_0005" not in card
