@@ -140,7 +140,8 @@ def pack(path: Path, drives: Sequence[Source]) -> Path:
 def learn(model: str, data: Iterable[Path], out: Path, *options: object, start: Sequence[object] = ()) -> None:
     """`lidarlift train`, from where it was broken off, else with the options of `start`."""
     resumed = (out / CHECKPOINT).exists()
-    lidarlift("train", model, *data, "--out", out, *options, *(("--resume",) if resumed else start))
+    command = (model,) if model == "lift" else ("depth", model)
+    lidarlift("train", *command, *data, "--out", out, *options, *(("--resume",) if resumed else start))
 
 
 def lidarlift(*words: object) -> None:

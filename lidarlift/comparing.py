@@ -79,15 +79,17 @@ def rows_for(
     """The settings of each row: the inputs, and ray-segment before another enricher, if that can run here.
 
     Raises:
-        InputError: As `load_config`.
+        InputError: As `load_config` and, on the enricher's name, `Registry.load`.
     """
-    from enrichment.methods.registry import runnable
+    from enrichment.methods.registry import METHODS, runnable
 
     rows = {}
     for channels in inputs:
         settings = load_config(config, overrides, input=channels, enricher=enricher)
-        if channels == "enriched" and settings.front_end.enricher in set(runnable()) - {TRAINING_FREE}:
-            rows[TRAINING_FREE] = load_config(config, overrides, input=channels, enricher=TRAINING_FREE)
+        if channels == "enriched":
+            METHODS.load(settings.front_end.enricher)  # a wrong name is refused before the first row is run
+            if settings.front_end.enricher in set(runnable()) - {TRAINING_FREE}:
+                rows[TRAINING_FREE] = load_config(config, overrides, input=channels, enricher=TRAINING_FREE)
         rows[channels] = settings
     return rows
 

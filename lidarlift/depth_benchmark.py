@@ -117,14 +117,11 @@ def report_of_drive(
 
 
 def completions(names: Collection[str] = ()) -> dict[str, Completion]:
-    """What completes depth images, by name. Raises InputError for a name that is none of them."""
-    from enrichment.interpolation.depth_completion import COMPLETIONS
-    from slam.data.yaml_files import nearest
+    """What completes depth images, by name. Raises InputError as `Registry.require`."""
+    from enrichment.methods.registry import COMPLETIONS
 
-    for name in names:
-        if name not in COMPLETIONS:
-            raise InputError(f"--method {name}: does not complete depth maps{nearest(name, COMPLETIONS)}")
-    return {name: COMPLETIONS[name] for name in names or COMPLETIONS}
+    COMPLETIONS.require(*names)
+    return {name: COMPLETIONS.load(name)().complete for name in names or COMPLETIONS.names()}
 
 
 def depth_maps_to_measure(folder: Path, images: slice = slice(None)) -> Sequence[DepthMapTriple]:

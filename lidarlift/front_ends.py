@@ -60,7 +60,7 @@ def front_end_for(settings: FrontEndSettings, sensor: Sensor | None, name: objec
         name: Of the data set, for messages.
 
     Raises:
-        InputError: As `RingFrontEnd`; or the scans are to be enriched and the laser lines are unknown.
+        InputError: As `RingFrontEnd`; or the scans are to be enriched and the laser lines are unknown, or the method.
     """
     from slam.front_end import RingFrontEnd
 
@@ -76,7 +76,7 @@ def front_end_for(settings: FrontEndSettings, sensor: Sensor | None, name: objec
     from enrichment.methods.registry import METHODS
 
     target = sensor if sensor.ring_count == 64 else None
-    method = METHODS[settings.enricher]()
+    method = METHODS.load(settings.enricher)()
     return Enricher(measured, method, *measured.lines(), target, coverage=settings.coverage)
 
 

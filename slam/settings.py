@@ -17,9 +17,10 @@ class FrontEndSettings(Settings):
     input: Literal["64", "16", "enriched"] = "64"  # 64: the scan as recorded; 16: rings dropped; enriched: 16 filled in
     drop: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"  # which 16 of 64 rings; the literature's default
     phase: int = Field(0, ge=0, le=3)  # of every-4th: the first ring that stays
-    # lift: our network; ray-segment: nothing learned, some milliseconds a frame; joint: this with the image, a tenth of
-    # a second; l2l, li2l, f2l: the paper's networks, a second or more
-    enricher: Literal["lift", "ray-segment", "joint", "l2l", "li2l", "f2l"] = "lift"
+    # a name in enrichment.methods.registry, checked where the method is made. lift: our network; ray-segment: nothing
+    # learned, some milliseconds a frame; joint: this with the image, a tenth of a second; l2l, li2l, f2l: the paper's
+    # networks, a second or more
+    enricher: str = "lift"
     coverage: float = Field(1.0, gt=0, le=1)  # share of the predicted points that is kept: the surest
     deskew: bool | None = None  # None: where the scans have times and are not motion-compensated already
     vertical_correction_deg: float | None = None  # None: the sensor's own (KITTI: 0.205)

@@ -133,10 +133,11 @@ def street_drive(tmp_path: Path, street_poses: Array, street_scans: list[Array])
 
 
 @pytest.fixture
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str, dict[str, str]], None]:
-    """`installed("its-name", entry_points_txt, {"module.py": source})`: a package as pip would have installed it."""
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str, dict[str, str]], Path]:
+    """`installed("its-name", entry_points_txt, {"module.py": source})`: a package as pip would have installed it;
+    returns the folder."""
 
-    def install(name: str, entry_points: str, files: dict[str, str]) -> None:
+    def install(name: str, entry_points: str, files: dict[str, str]) -> Path:
         site = tmp_path / f"site-{name}"
         about = site / f"{name.replace('-', '_')}-1.0.dist-info"
         about.mkdir(parents=True)
@@ -147,5 +148,6 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str,
             (site / file).write_text(source)
             monkeypatch.delitem(sys.modules, file.partition("/")[0].removesuffix(".py"), raising=False)
         monkeypatch.syspath_prepend(str(site))
+        return site
 
     return install

@@ -91,7 +91,7 @@ def segments(xyz, image):
 
 
 @njit(cache=True, nogil=True)
-def sticking_out(rho, length, window, slack, slack_share, limit):
+def neighbour_outlier_distance(rho, length, window, slack, slack_share, limit):
     """(K - 1, W) float32, metres: how far the returns beside each segment lie outside of its reach, in the mean.
 
     rho (K, W) and length (K - 1, W) of `segments`. Beside are both of its rings, `window` columns to either side. Its
@@ -118,7 +118,7 @@ def sticking_out(rho, length, window, slack, slack_share, limit):
 
 
 @njit(cache=True, nogil=True)
-def meet(rho, z, length, upper, tangent, offset):
+def intersect_segments(rho, z, length, upper, tangent, offset):
     """(R, W) float32, metres: at which rho each ray meets the segment between the returns above and below; 0: at none.
 
     rho, z (K, W) and length (K - 1, W) of `segments`; upper (R,): the ring above each ray, -1 for none; tangent,

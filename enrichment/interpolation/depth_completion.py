@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import cv2
 import numpy as np
@@ -29,7 +30,7 @@ TOLERANCE, ITERATIONS = 1e-4, 500  # relative residual at which conjugate gradie
 #: Sigma: a share of the spread of depth around the pixel, in a window (H, W) that reaches beyond the rings next to it.
 #: Measured on KITTI, 16 of 64 rings; what interpolates planes has less.
 WINDOW, LEAST_SIGMA = (41, 13), 0.05
-SPREAD_SHARE = {"nearest": 0.19, "ip-basic": 0.19, "delaunay": 0.035, "mrf": 0.1}
+NEAREST_SPREAD, IP_BASIC_SPREAD, DELAUNAY_SPREAD, MRF_SPREAD = 0.19, 0.19, 0.035, 0.1
 SURE, SURE_SHARE = 0.1, 0.02  # m; of the range
 
 
@@ -113,20 +114,17 @@ def _smoothness(image: Array) -> coo_array:
     return coo_array((values, index), shape=(number.size, number.size))
 
 
-#: From a depth image (H, W) float32 [m, 0 = none] and the image (H, W, 3) uint8 RGB to a dense one (H, W) float32.
-COMPLETIONS: dict[str, Callable[[Array, Array], Array]] = {
-    "nearest": nearest,
-    "ip-basic": ip_basic,
-    "delaunay": delaunay,
-    "mrf": markov_random_field,
-}
-
-
 class DepthCompletion:
-    """The method: rays before the camera, between two returns, end at the depth image completed by `name`."""
+    """The method: rays before the camera, between two returns, end at the completed depth image.
 
-    def __init__(self, name: str) -> None:
-        self.complete, self.spread_share = COMPLETIONS[name], SPREAD_SHARE[name]
+    Args:
+        complete: Makes a dense depth image (H, W) float32 of a sparse one, [m, 0 = none], and of the image (H, W, 3)
+            uint8 RGB.
+        spread_share: Sigma as a share of the spread of depth around the pixel.
+    """
+
+    def __init__(self, complete: Callable[[Array, Array], Array], spread_share: float) -> None:
+        self.complete, self.spread_share = complete, spread_share
 
     def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
         ranges, sigma = np.zeros(grid.shape, np.float32), np.full(grid.shape, np.inf, np.float32)
@@ -156,3 +154,9 @@ def _spread(dense: Array) -> Array:
     window = np.ones(WINDOW, np.uint8)
     least = cv2.erode(np.where(dense > 0, dense, np.float32(np.inf)), window)
     return np.asarray(cv2.dilate(dense, window) - np.minimum(least, dense))
+
+
+nearest_method = partial(DepthCompletion, nearest, NEAREST_SPREAD)
+ip_basic_method = partial(DepthCompletion, ip_basic, IP_BASIC_SPREAD)
+delaunay_method = partial(DepthCompletion, delaunay, DELAUNAY_SPREAD)
+markov_random_field_method = partial(DepthCompletion, markov_random_field, MRF_SPREAD)

@@ -31,8 +31,8 @@ class RaySegment:
     def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
         rho, z, length, slope, turn = kernels.segments(scan.cloud.xyz, scan.points)
         sensor, upper = grid.sensor, scan.rows_above(grid.sensor)
-        met = kernels.meet(rho, z, length, upper, np.tan(sensor.elevation), sensor.offset)
-        beside = kernels.sticking_out(rho, length, WINDOW, SLACK, SLACK_SHARE, LIMIT)
+        met = kernels.intersect_segments(rho, z, length, upper, np.tan(sensor.elevation), sensor.offset)
+        beside = kernels.neighbour_outlier_distance(rho, length, WINDOW, SLACK, SLACK_SHARE, LIMIT)
         short_or_plane = (length < SHORT) | ((length < LONGEST) & ((slope < FLAT) | (slope > STEEP)))
         stretch = (1 / np.cos(sensor.elevation)).astype(np.float32)[:, None]
         return Prediction(

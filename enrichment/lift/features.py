@@ -14,16 +14,9 @@ from enrichment.geometry.sparse_scan import SparseScan, heights
 from enrichment.interpolation.depth_completion import morphed
 from enrichment.interpolation.ray_segment import LIMIT, SLACK, SLACK_SHARE, WINDOW, sigma_of
 from enrichment.lift import kernels as lift_kernels
+from enrichment.lift.channels import RINGS, Ray, Ring
 from slam.data.cloud import Array, Calibration
 
-RING_CHANNELS = ("known", "range", "height", "gap above", "gap below", "seen", "red", "green", "blue")
-#: Ranges that a ray may have, all on the ray. The edge and the guess need the image, the past needs scans before.
-CANDIDATES = ("segment", "above", "below", "from above", "from below", "edge", "past", "guess")
-RAY_CHANNELS = (
-    "known", "share", "range", *CANDIDATES[1:6], "length", "slope", "turn", "beside", "sigma", "gap",
-    "seen", "change above", "change below", "colour above", "colour below",
-    "past", "past, nearest", "past, furthest", "past returns", "guess", "spread of guesses",
-)  # fmt: skip
 DENSE = 0.5  # cells a pixel of the depth image that is filled in
 BLUR = 2.0  # pixels, standard deviation: texture is no edge
 
@@ -32,10 +25,10 @@ BLUR = 2.0  # pixels, standard deviation: texture is no edge
 class LiftInput:
     """Of K rings, W columns and the Q rows of a grid that lie between two rings.
 
-    rings       (RING_CHANNELS, K, W) float32
+    rings       (RINGS, K, W) float32, the channels of `enrichment.lift.channels.Ring`
     upper       (Q,) int64: the ring above each row; the next one is below it
-    rays        (RAY_CHANNELS, Q, W) float32; all 0 where a return above or below is missing
-    candidates  (CANDIDATES, Q, W) float32, metres along the ray's rho; 0 where there is none
+    rays        (RAYS, Q, W) float32, those of `Ray`; all 0 where a return above or below is missing
+    candidates  (CANDIDATES, Q, W) float32, those of `Candidate`: metres along the ray's rho, 0 where there is none
     rows        (Q,) int64: which rows of the grid these are
     """
 
@@ -53,19 +46,19 @@ def lift_input(scan: SparseScan, grid: RayGrid) -> LiftInput:
     rows = np.flatnonzero(upper >= 0)
     upper, tangent, offset = upper[rows], np.tan(sensor.elevation[rows]), sensor.offset[rows]
     rho, z, length, slope, turn = kernels.segments(scan.cloud.xyz, scan.points)
-    beside = kernels.sticking_out(rho, length, WINDOW, SLACK, SLACK_SHARE, LIMIT)
+    beside = kernels.neighbour_outlier_distance(rho, length, WINDOW, SLACK, SLACK_SHARE, LIMIT)
     sigma = sigma_of(length, slope, turn, beside)
     lines, own = heights(sensor)[rows], heights(scan.lines)[scan.rings]
     gap = own[:-1] - own[1:]
     share = (own[upper] - lines) / gap[upper]
     rays, candidates = lift_kernels.between_rings(
-        rho, z, length, slope, turn, beside, sigma, upper, tangent, offset, share, gap, len(RAY_CHANNELS)
+        rho, z, length, slope, turn, beside, sigma, upper, tangent, offset, share, gap
     )
-    rings = np.zeros((len(RING_CHANNELS), *rho.shape), np.float32)
-    rings[0] = scan.points >= 0
-    rings[1] = np.log(np.maximum(rho, 0.1) / 10) * rings[0]
-    rings[2] = z / 3 * rings[0]
-    rings[3, 1:], rings[4, :-1] = gap[:, None], gap[:, None]
+    rings = np.zeros((RINGS, *rho.shape), np.float32)
+    rings[Ring.KNOWN] = scan.points >= 0
+    rings[Ring.RANGE] = np.log(np.maximum(rho, 0.1) / 10) * rings[Ring.KNOWN]
+    rings[Ring.HEIGHT] = z / 3 * rings[Ring.KNOWN]
+    rings[Ring.GAP_ABOVE, 1:], rings[Ring.GAP_BELOW, :-1] = gap[:, None], gap[:, None]
     beams = _Beams(upper, tangent, offset)
     if scan.image is not None and scan.calibration is not None:
         _look_at_image(scan, grid, beams, rho, rings, rays, candidates)
@@ -89,24 +82,23 @@ def _look_at_image(
     assert scan.calibration is not None
     image = cv2.GaussianBlur(_pinhole(scan.image, scan.calibration), (0, 0), BLUR)
     camera = scan.calibration.K @ scan.calibration.T_camera_lidar[:3]
-    pixels = lift_kernels.colours_of_rings(scan.cloud.xyz, scan.points, camera, image, rings[5:])
+    pixels = lift_kernels.colours_of_rings(scan.cloud.xyz, scan.points, camera, image, rings[Ring.SEEN :])
     rest = *beams, np.cos(grid.azimuth), np.sin(grid.azimuth), camera, image
     lift_kernels.along_image(rays, candidates, pixels, *rest)
     sparse = np.zeros([round(DENSE * size) for size in image.shape[:2]], np.float32)
     lift_kernels.depths_seen(scan.cloud.xyz, scan.points, pixels, camera, DENSE, sparse)
-    lift_kernels.guess(rays, candidates, pixels, *rest, rho, morphed(sparse, DENSE), DENSE, RAY_CHANNELS.index("guess"))
+    lift_kernels.guess(rays, candidates, pixels, *rest, rho, morphed(sparse, DENSE), DENSE)
 
 
 def _look_back(
     scan: SparseScan, beams: _Beams, rho: Array, z: Array, gap: Array, rays: Array, candidates: Array
 ) -> None:
     """Adds what scans before saw on the rays."""
-    first, candidate = RAY_CHANNELS.index("past"), CANDIDATES.index("past")
     best = np.full(rays.shape[1:], np.inf, np.float32)
     for age, (then, T_now_then) in enumerate(reversed(scan.past), start=1):
         pose = np.ascontiguousarray(T_now_then, np.float64)
-        lift_kernels.of_the_past(rays, candidates, best, then.xyz, pose, age, rho, z, *beams, gap, first, candidate)
-    np.log1p(rays[first + 3], out=rays[first + 3])
+        lift_kernels.accumulate_history(rays, candidates, best, then.xyz, pose, age, rho, z, *beams, gap)
+    np.log1p(rays[Ray.PAST_RETURNS], out=rays[Ray.PAST_RETURNS])
 
 
 def _pinhole(image: Array, calibration: Calibration) -> Array:

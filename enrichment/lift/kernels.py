@@ -1,12 +1,18 @@
-"""Loops of Lift's input. Nothing but @njit here; a cached kernel and all it calls share a file."""
+"""Loops of Lift's input. Nothing but @njit here; a cached kernel and all it calls share a file.
+
+That is why `_intersect_segment` and the azimuth column stand in `enrichment.geometry.kernels` too, and `_pixel` in
+`slam.data.camera.project`.
+"""
 
 import math
 
 import numpy as np
 from numba import njit
 
-STEPS = 12  # pixels looked at on each half of the way between the returns above and below
-UNSURE = 0.4  # m: rays whose segment has a larger sigma are looked at once more
+from enrichment.lift.channels import CANDIDATES, RAYS, Candidate, Ray
+
+EDGE_STEPS = 12  # pixels looked at on each half of the way between the returns above and below
+UNSURE_SEGMENT = 0.4  # m: rays whose segment has a larger sigma are looked at once more
 #: Returns near by: rings from the one above the ray on, columns, and of how many the one is from the next.
 RINGS_NEAR, COLUMNS_NEAR, APART = (-1, 3), 8, 2
 #: A return's weight falls by e with so many pixels to the side, pixels up or down, and levels of colour (of 255); all
@@ -34,7 +40,7 @@ def _extended(rho, z, beyond_rho, beyond_z, tangent, offset, low, high):
 
 
 @njit(inline="always")
-def _met(rho, z, beyond_rho, beyond_z, tangent, offset):
+def _intersect_segment(rho, z, beyond_rho, beyond_z, tangent, offset):
     """rho where a ray meets the segment between two returns, or its nearer end."""
     forth, down = beyond_rho - rho, beyond_z - z
     above, fall = z - tangent * rho - offset, tangent * forth - down
@@ -42,37 +48,40 @@ def _met(rho, z, beyond_rho, beyond_z, tangent, offset):
 
 
 @njit(cache=True, nogil=True)
-def between_rings(rho, z, length, slope, turn, beside, sigma, upper, tangent, offset, row_share, gap, channels):
+def between_rings(rho, z, length, slope, turn, beside, sigma, upper, tangent, offset, row_share, gap):
     """`rays` and `candidates` of LiftInput, without what the image gives.
 
     rho, z (K, W); length, slope, turn, beside, sigma (K - 1, W); upper, tangent, offset, row_share (Q,); gap (K - 1,).
     """
     rings, columns = rho.shape
-    rays = np.zeros((channels, len(upper), columns), np.float32)
-    candidates = np.zeros((8, len(upper), columns), np.float32)
+    rays = np.zeros((RAYS, len(upper), columns), np.float32)
+    candidates = np.zeros((CANDIDATES, len(upper), columns), np.float32)
     for row in range(len(upper)):
         k = upper[row]
         for c in range(columns):
             if length[k, c] == 0.0:
                 continue
-            met = _met(rho[k, c], z[k, c], rho[k + 1, c], z[k + 1, c], tangent[row], offset[row])
+            met = _intersect_segment(rho[k, c], z[k, c], rho[k + 1, c], z[k + 1, c], tangent[row], offset[row])
             low, high = LEAST * min(rho[k, c], rho[k + 1, c]), MOST * max(rho[k, c], rho[k + 1, c])
-            candidates[0, row, c], candidates[1, row, c], candidates[2, row, c] = met, rho[k, c], rho[k + 1, c]
+            candidates[Candidate.SEGMENT, row, c] = met
+            candidates[Candidate.ABOVE, row, c], candidates[Candidate.BELOW, row, c] = rho[k, c], rho[k + 1, c]
             if k > 0 and rho[k - 1, c] > 0.0:
-                candidates[3, row, c] = _extended(
+                candidates[Candidate.FROM_ABOVE, row, c] = _extended(
                     rho[k, c], z[k, c], rho[k - 1, c], z[k - 1, c], tangent[row], offset[row], low, high
                 )
             if k + 2 < rings and rho[k + 2, c] > 0.0:
-                candidates[4, row, c] = _extended(
+                candidates[Candidate.FROM_BELOW, row, c] = _extended(
                     rho[k + 1, c], z[k + 1, c], rho[k + 2, c], z[k + 2, c], tangent[row], offset[row], low, high
                 )
-            rays[0, row, c], rays[1, row, c], rays[2, row, c] = 1.0, row_share[row], math.log(met / 10)
-            for candidate in range(1, 5):
-                if candidates[candidate, row, c] > 0.0:
-                    rays[2 + candidate, row, c] = math.log(candidates[candidate, row, c] / met)
-            rays[8, row, c], rays[9, row, c] = math.log(1 + length[k, c]), slope[k, c]
-            rays[10, row, c], rays[11, row, c] = min(turn[k, c], 1.0), math.log(1 + beside[k, c])
-            rays[12, row, c], rays[13, row, c] = math.log(1 + sigma[k, c]), gap[k]
+            rays[Ray.KNOWN, row, c], rays[Ray.SHARE, row, c] = 1.0, row_share[row]
+            rays[Ray.RANGE, row, c] = math.log(met / 10)
+            for other in range(4):
+                rho_there = candidates[Candidate.ABOVE + other, row, c]
+                if rho_there > 0.0:
+                    rays[Ray.ABOVE + other, row, c] = math.log(rho_there / met)
+            rays[Ray.LENGTH, row, c], rays[Ray.SLOPE, row, c] = math.log(1 + length[k, c]), slope[k, c]
+            rays[Ray.TURN, row, c], rays[Ray.BESIDE, row, c] = min(turn[k, c], 1.0), math.log(1 + beside[k, c])
+            rays[Ray.SIGMA, row, c], rays[Ray.GAP, row, c] = math.log(1 + sigma[k, c]), gap[k]
     return rays, candidates
 
 
@@ -94,11 +103,11 @@ def _nearest_row(z, rho, tangent, offset):
 
 
 @njit(cache=True, nogil=True)
-def of_the_past(rays, candidates, best, xyz, T_now_then, age, rho, z, upper, tangent, offset, gap, first, candidate):
+def accumulate_history(rays, candidates, best, xyz, T_now_then, age, rho, z, upper, tangent, offset, gap):
     """Adds what a past scan (N, 3) saw near the rays: by how much its returns lay off the segments that there are now.
 
-    rays, candidates: of LiftInput, changed, channels from `first` on and that `candidate`; best (Q, W), infinite before
-    the first scan: how far off its ray the return behind the candidate was.
+    rays, candidates: of LiftInput, changed; best (Q, W), infinite before the first scan: how far off its ray the return
+    behind the candidate was.
     """
     columns = rho.shape[1]
     for i in range(len(xyz)):
@@ -113,22 +122,22 @@ def of_the_past(rays, candidates, best, xyz, T_now_then, age, rho, z, upper, tan
         k = upper[row]
         off = abs(pz - tangent[row] * far - offset[row]) / (gap[k] * far / 10)
         c = min(int((math.atan2(py, px) / (2 * math.pi) + 0.5) * columns), columns - 1)
-        if off > NEAR_RAY or rays[0, row, c] == 0.0:
+        if off > NEAR_RAY or rays[Ray.KNOWN, row, c] == 0.0:
             continue
         slant = (pz - offset[row]) / far
-        ratio = far / _met(rho[k, c], z[k, c], rho[k + 1, c], z[k + 1, c], slant, offset[row])
-        found = ratio * candidates[0, row, c]
+        ratio = far / _intersect_segment(rho[k, c], z[k, c], rho[k + 1, c], z[k + 1, c], slant, offset[row])
+        found = ratio * candidates[Candidate.SEGMENT, row, c]
         if not LEAST * min(rho[k, c], rho[k + 1, c]) <= found <= MOST * max(rho[k, c], rho[k + 1, c]):
             continue
         change = math.log(ratio)
         if best[row, c] == np.inf:
-            rays[first + 1, row, c], rays[first + 2, row, c] = change, change
-        rays[first + 1, row, c] = min(rays[first + 1, row, c], change)
-        rays[first + 2, row, c] = max(rays[first + 2, row, c], change)
-        rays[first + 3, row, c] += 1.0
+            rays[Ray.PAST_NEAREST, row, c], rays[Ray.PAST_FURTHEST, row, c] = change, change
+        rays[Ray.PAST_NEAREST, row, c] = min(rays[Ray.PAST_NEAREST, row, c], change)
+        rays[Ray.PAST_FURTHEST, row, c] = max(rays[Ray.PAST_FURTHEST, row, c], change)
+        rays[Ray.PAST_RETURNS, row, c] += 1.0
         if off + AGE * age < best[row, c]:
             best[row, c] = off + AGE * age
-            rays[first, row, c], candidates[candidate, row, c] = change, found
+            rays[Ray.PAST, row, c], candidates[Candidate.PAST, row, c] = change, found
 
 
 @njit(inline="always")
@@ -176,8 +185,8 @@ def _change(image, u, v, to_u, to_v):
     total = 0.0
     first = image[int(v + 0.5), int(u + 0.5)]
     before = first
-    for step in range(1, STEPS + 1):
-        share = step / STEPS
+    for step in range(1, EDGE_STEPS + 1):
+        share = step / EDGE_STEPS
         here = image[int(v + share * (to_v - v) + 0.5), int(u + share * (to_u - u) + 0.5)]
         square = 0.0
         for channel in range(3):
@@ -242,10 +251,9 @@ def _filled(dense, scale, u, v, cosine, sine, tangent, offset, projection, other
 
 
 @njit(cache=True, nogil=True)
-def guess(rays, candidates, pixels, upper, tangent, offset, cosine, sine, projection, image, rho, dense, scale, first):
+def guess(rays, candidates, pixels, upper, tangent, offset, cosine, sine, projection, image, rho, dense, scale):
     """Adds, on unsure rays in the image, the weighted median of the edge, of what returns of like colour near by have,
-    and of a depth image filled in: candidate 7, and channels `first`, by how much it is off the segment, and the next,
-    how far apart these are.
+    and of a depth image filled in: the candidate GUESS, by how much it is off the segment, and how far apart these are.
 
     pixels (K, W, 2) and rho (K, W) of the returns; dense (h, w), depth in cells `scale` times as many as pixels.
     """
@@ -256,9 +264,9 @@ def guess(rays, candidates, pixels, upper, tangent, offset, cosine, sine, projec
     for row in range(rows):
         k = upper[row]
         for c in range(columns):
-            if rays[14, row, c] == 0.0 or math.exp(rays[12, row, c]) - 1 < UNSURE:
+            if rays[Ray.SEEN, row, c] == 0.0 or math.exp(rays[Ray.SIGMA, row, c]) - 1 < UNSURE_SEGMENT:
                 continue
-            met = candidates[0, row, c]
+            met = candidates[Candidate.SEGMENT, row, c]
             x, y, z = met * cosine[c], met * sine[c], met * tangent[row] + offset[row]
             u, v = _pixel(projection, x, y, z)
             count, total = 0, 0.0
@@ -275,14 +283,14 @@ def guess(rays, candidates, pixels, upper, tangent, offset, cosine, sine, projec
                     count += 1
             for i in range(count):
                 weights[i] *= RETURNS / max(total, 1e-9)
-            values[count], weights[count] = candidates[5, row, c], 1.0
+            values[count], weights[count] = candidates[Candidate.EDGE, row, c], 1.0
             count += 1
             values[count] = _filled(dense, scale, u, v, cosine[c], sine[c], tangent[row], offset[row], projection, met)
             weights[count] = 1.0
             count += 1
             median, spread = _weighted_median(values[:count], weights[:count])
-            candidates[7, row, c] = median
-            rays[first, row, c], rays[first + 1, row, c] = math.log(median / met), math.log(1 + spread)
+            candidates[Candidate.GUESS, row, c] = median
+            rays[Ray.GUESS, row, c], rays[Ray.GUESS_SPREAD, row, c] = math.log(median / met), math.log(1 + spread)
 
 
 @njit(cache=True, nogil=True)
@@ -295,7 +303,7 @@ def along_image(rays, candidates, pixels, upper, tangent, offset, cosine, sine, 
     for row in range(rows):
         k = upper[row]
         for c in range(columns):
-            rho = candidates[0, row, c]
+            rho = candidates[Candidate.SEGMENT, row, c]
             if rho == 0.0 or np.isnan(pixels[k, c, 0]) or np.isnan(pixels[k + 1, c, 0]):
                 continue
             u, v = _pixel(projection, rho * cosine[c], rho * sine[c], rho * tangent[row] + offset[row])
@@ -304,9 +312,11 @@ def along_image(rays, candidates, pixels, upper, tangent, offset, cosine, sine, 
             change_above, colour_above = _change(image, pixels[k, c, 0], pixels[k, c, 1], u, v)
             change_below, colour_below = _change(image, u, v, pixels[k + 1, c, 0], pixels[k + 1, c, 1])
             share = (change_above + 1.0) / (change_above + change_below + 2.0)
-            edge = 1 / ((1 - share) / candidates[1, row, c] + share / candidates[2, row, c])
-            candidates[5, row, c] = edge
-            rays[7, row, c] = math.log(edge / rho)
-            rays[14, row, c] = 1.0
-            rays[15, row, c], rays[16, row, c] = math.log(1 + change_above / 16), math.log(1 + change_below / 16)
-            rays[17, row, c], rays[18, row, c] = math.log(1 + colour_above / 16), math.log(1 + colour_below / 16)
+            edge = 1 / ((1 - share) / candidates[Candidate.ABOVE, row, c] + share / candidates[Candidate.BELOW, row, c])
+            candidates[Candidate.EDGE, row, c] = edge
+            rays[Ray.EDGE, row, c] = math.log(edge / rho)
+            rays[Ray.SEEN, row, c] = 1.0
+            rays[Ray.CHANGE_ABOVE, row, c] = math.log(1 + change_above / 16)
+            rays[Ray.CHANGE_BELOW, row, c] = math.log(1 + change_below / 16)
+            rays[Ray.COLOUR_ABOVE, row, c] = math.log(1 + colour_above / 16)
+            rays[Ray.COLOUR_BELOW, row, c] = math.log(1 + colour_below / 16)

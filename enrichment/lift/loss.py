@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from enrichment.lift.channels import Candidate, Ray
 from enrichment.lift.network import Answer
 
 ABSOLUTE, SQUARED, CHOICE, VALID = 1.0, 0.05, 0.1, 0.2  # weights beside the likelihood
@@ -21,7 +22,7 @@ def lift_loss(answer: Answer, rays: Tensor, candidates: Tensor, truth: Tensor) -
     one (RMSE: without it long errors would be given up), the choice of a candidate, and whether there is a return.
     Means over rays: nothing here waits for a GPU to tell how many they are.
     """
-    known = rays[:, 0] > 0
+    known = rays[:, Ray.KNOWN] > 0
     asked = known & (truth > 0)
     error = (answer.ranges - truth).abs()
     likelihood = error / answer.scale + answer.scale.log()
@@ -45,4 +46,4 @@ def _choice(logits: Tensor, candidates: Tensor, truth: Tensor) -> tuple[Tensor, 
     error = (candidates - truth[:, None]).abs().masked_fill(candidates <= 0, 1e3)
     deserved = torch.softmax(-error / (SOFT + SOFT_SHARE * truth[:, None]), dim=1)
     entropy = -(deserved * torch.log_softmax(logits, dim=1)).sum(dim=1)
-    return entropy, error[:, :3].amax(dim=1).clamp(*MATTERS)
+    return entropy, error[:, Candidate.SEGMENT : Candidate.FROM_ABOVE].amax(dim=1).clamp(*MATTERS)

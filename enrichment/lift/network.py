@@ -8,15 +8,14 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-RINGS, RAYS, CANDIDATES = 9, 25, 8  # channels of enrichment.lift.features
-SIGMA = 12  # channel of a ray: the logarithm of 1 m + ray-segment's own sigma
+from enrichment.lift.channels import CANDIDATES, RAYS, RINGS, Candidate, Ray
+
 WIDTHS = 32, 32, 48, 64  # channels at 1, 1/2, 1/4 and 1/8 of the columns
 HIDDEN = 48  # channels of a ray
 ASIDE = 2  # columns to each side of a ray that are looked at once more
 AROUND = 88  # columns that are repeated beyond the seam: no fewer than the U-Net looks far, and inside 8
 RESIDUAL = 0.05  # of the range, at most
 NEAR_SEGMENT = 2.0  # logit of ray-segment's weight, where learning starts
-MULTIPLE = 8  # the number of columns has to be inside
 LEAST_SCALE = 0.01  # m
 
 
@@ -58,7 +57,7 @@ class Lift(nn.Module):
             self.beside.weight[..., ASIDE] += 1.0
             self.last.weight.mul_(0.1)
             assert self.last.bias is not None
-            self.last.bias.copy_(torch.eye(CANDIDATES + 3)[0] * NEAR_SEGMENT)
+            self.last.bias.copy_(torch.eye(CANDIDATES + 3)[Candidate.SEGMENT] * NEAR_SEGMENT)
 
     def forward(self, rings: Tensor, upper: Tensor, rays: Tensor, candidates: Tensor) -> Answer:
         """rings (B, RINGS, K, W), upper (Q,), rays (B, RAYS, Q, W), candidates (B, CANDIDATES, Q, W); W inside 8, and
@@ -82,7 +81,7 @@ class Lift(nn.Module):
         shift, scale, valid = out[:, CANDIDATES:].unbind(1)
         weights = (logits - logits.amax(dim=1, keepdim=True)).exp()  # ONNX Runtime's softmax takes five times as long
         mean = (weights * candidates).sum(dim=1) / weights.sum(dim=1)
-        sigma = rays[:, SIGMA].exp() - 1  # ray-segment's own, where learning starts
+        sigma = rays[:, Ray.SIGMA].exp() - 1  # ray-segment's own, where learning starts
         scale = LEAST_SCALE + (sigma + 0.02) * torch.exp(scale.clamp(-6, 6))
         return Answer(mean * (1 + RESIDUAL * torch.tanh(shift)), scale, valid, logits)
 

@@ -9,15 +9,15 @@ import numpy as np
 from enrichment.geometry.rays import Prediction, RayGrid
 from enrichment.geometry.sparse_scan import SparseScan
 from enrichment.interpolation.ray_segment import RaySegment
-from enrichment.lift.features import CANDIDATES, LiftInput, lift_input
+from enrichment.lift.channels import COLUMN_MULTIPLE, Candidate, Ray
+from enrichment.lift.features import LiftInput, lift_input
 from enrichment.methods.onnx_network import WEIGHTS, Fallback, noted, session
 from slam.data.cloud import Array
 
-NAME, MULTIPLE = "lift", 8  # columns that the network takes are inside
+NAME = "lift"
 #: Where the scale is larger, the network, which has learned from few streets, is surer of its choice than it should be:
 #: half way to the guess is nearer the truth. Chosen on KITTI 0005 and 0013 by weights that have not seen them.
-UNSURE, HALF_WAY = 1.0, np.float32(0.5)  # m
-GUESS = CANDIDATES.index("guess")
+UNSURE_SCALE, HALF_WAY = 1.0, np.float32(0.5)  # m
 SIGMA = np.float32(1.15)  # half the width of the central 68 % interval of a Laplace distribution, in its scales
 
 
@@ -51,9 +51,9 @@ class LiftMethod:
         ranges, sigma = np.zeros(grid.shape, np.float32), np.full(grid.shape, np.inf, np.float32)
         trusted = np.zeros(grid.shape, bool)
         rho, scale, valid = self._run(given)
-        guess = given.candidates[GUESS]
-        rho = np.where((guess > 0) & (scale > UNSURE), rho + HALF_WAY * (guess - rho), rho)
-        known = given.rays[0] > 0
+        guess = given.candidates[Candidate.GUESS]
+        rho = np.where((guess > 0) & (scale > UNSURE_SCALE), rho + HALF_WAY * (guess - rho), rho)
+        known = given.rays[Ray.KNOWN] > 0
         stretch = (1 / np.cos(grid.sensor.elevation[given.rows])).astype(np.float32)[:, None]
         ranges[given.rows] = np.where(known, rho * stretch, np.float32(0))
         sigma[given.rows] = np.where(known, SIGMA * scale * stretch, np.float32(np.inf))
@@ -64,7 +64,7 @@ class LiftMethod:
         """rho, scale and validity, (Q, W) each."""
         assert self._session is not None
         columns = given.rays.shape[-1]
-        more = -columns % MULTIPLE
+        more = -columns % COLUMN_MULTIPLE
         images = {"rings": given.rings, "rays": given.rays, "candidates": given.candidates}
         around = {name: np.concatenate([one, one[..., :more]], axis=-1)[None] for name, one in images.items()}
         answers = self._session.run(None, {"upper": given.upper, **around})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from functools import partial
 from importlib import resources
 from importlib.resources.abc import Traversable
 from importlib.util import find_spec
@@ -15,7 +16,7 @@ from scipy.ndimage import map_coordinates
 from enrichment.geometry.image_rays import ImageRays
 from enrichment.geometry.rays import Prediction, RayGrid
 from enrichment.geometry.sparse_scan import SparseScan, heights
-from enrichment.interpolation.depth_completion import SPREAD_SHARE, DepthCompletion
+from enrichment.interpolation.depth_completion import IP_BASIC_SPREAD, DepthCompletion
 from enrichment.interpolation.ray_segment import RaySegment
 from slam.data.camera import project, visible
 from slam.data.cloud import Array
@@ -31,8 +32,9 @@ AFRESH = "install lidarlift afresh, or export the network again"
 log = logging.getLogger(__name__)
 
 
-def has_weights(name: str, folder: Traversable = WEIGHTS) -> bool:
-    return (folder / f"{name}.onnx").is_file() and find_spec("onnxruntime") is not None
+def has_weights(name: str) -> bool:
+    """Whether a network can run here: its weights are shipped, and ONNX Runtime is installed."""
+    return (WEIGHTS / f"{name}.onnx").is_file() and find_spec("onnxruntime") is not None
 
 
 AMISS = 0.3  # as a share: what is further off than that is another surface; least errors on KITTI raw 0013
@@ -64,7 +66,7 @@ class ImageNetwork(DepthCompletion):
 
     def __init__(self, name: str, folder: Traversable = WEIGHTS) -> None:
         self._fallback = Fallback(name)
-        self.spread_share = SPREAD_SHARE["ip-basic"]
+        self.spread_share = IP_BASIC_SPREAD
         try:
             self.complete = network = OnnxNetwork(folder / f"{name}.onnx")
             self.parameters = network.parameters
@@ -97,6 +99,9 @@ class ImageNetwork(DepthCompletion):
         above, below = (ratio[scan.points[ring, rays.column]] for ring in (upper, upper + 1))
         above, below = np.where(np.isnan(above), below, above), np.where(np.isnan(below), above, below)
         return np.asarray(met * np.nan_to_num((1 - share) * above + share * below, nan=1.0))
+
+
+l2l, li2l, f2l = (partial(ImageNetwork, name) for name in ("l2l", "li2l", "f2l"))
 
 
 def session(file: Traversable) -> InferenceSession:

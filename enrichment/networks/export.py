@@ -12,7 +12,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from enrichment.lift import network as lift
+from enrichment.lift import channels
 from enrichment.lift.network import Lift
 from enrichment.networks.depth_network import DepthNetwork
 from slam.data.atomic import written_beside
@@ -21,7 +21,7 @@ from slam.data.errors import InputError
 OPSET = 18
 EXAMPLE = 37, 50  # height and width while it is traced; both stay free
 FREE = {2: "height", 3: "width"}
-RINGS, ROWS, COLUMNS = 5, 7, 96  # of Lift while it is traced; all stay free
+LIFT_EXAMPLE = 5, 7, 96  # rings, rows and columns of Lift while it is traced; all stay free
 
 
 def export(network: DepthNetwork, folder: Path, name: str, scale: float = 1.0) -> None:
@@ -38,11 +38,12 @@ def export(network: DepthNetwork, folder: Path, name: str, scale: float = 1.0) -
 def export_lift(network: Lift, folder: Path, name: str = "lift") -> None:
     """The same for Lift: `rings`, `upper`, `rays` and `candidates` to `ranges`, `scale` and `valid`, as its `forward`
     has them, for any number of rings, rows and columns (inside 8)."""
+    rings, rows, columns = LIFT_EXAMPLE
     given = {
-        "rings": torch.rand(1, lift.RINGS, RINGS, COLUMNS),
-        "upper": torch.arange(ROWS) % (RINGS - 1),
-        "rays": torch.rand(1, lift.RAYS, ROWS, COLUMNS),
-        "candidates": torch.rand(1, lift.CANDIDATES, ROWS, COLUMNS),
+        "rings": torch.rand(1, channels.RINGS, rings, columns),
+        "upper": torch.arange(rows) % (rings - 1),
+        "rays": torch.rand(1, channels.RAYS, rows, columns),
+        "candidates": torch.rand(1, channels.CANDIDATES, rows, columns),
     }
     free = {2: "rows", 3: "columns"}
     answers = ["ranges", "scale", "valid"]

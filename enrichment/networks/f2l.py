@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import torch
 from torch import Tensor, nn
 
@@ -50,6 +52,9 @@ class F2L(DepthNetwork):
         features = self.erfnet(torch.cat([image, depth], dim=1))
         dense: Tensor = self.head(torch.cat([features, self.scnn(depth)], dim=1))
         return dense
+
+
+f2l_light = partial(F2L, light=True)
 
 
 def _plain(channels_in: int, size: int) -> nn.Sequential:

@@ -1,19 +1,21 @@
-"""The networks by their names."""
+"""The networks that are trained for depth images, by their names."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from typing import TYPE_CHECKING
 
-from enrichment.networks.depth_network import DepthNetwork
-from enrichment.networks.f2l import F2L
-from enrichment.networks.l2l import L2L
-from enrichment.networks.li2l import LI2L
+from slam.data.registry import Registry
 
-#: Calling an entry makes the network untrained, with weights drawn from torch's own generator.
-NETWORKS: dict[str, Callable[[], DepthNetwork]] = {
-    "l2l": L2L,
-    "li2l": LI2L,
-    "f2l": F2L,
-    "f2l-light": partial(F2L, light=True),
-}
+if TYPE_CHECKING:
+    from enrichment.networks.depth_network import DepthNetwork
+
+#: A factory makes the network untrained, with weights drawn from torch's own generator.
+NETWORKS: Registry[DepthNetwork] = Registry(
+    "network",
+    {
+        "l2l": "enrichment.networks.l2l:L2L",
+        "li2l": "enrichment.networks.li2l:LI2L",
+        "f2l": "enrichment.networks.f2l:F2L",
+        "f2l-light": "enrichment.networks.f2l:f2l_light",
+    },
+)

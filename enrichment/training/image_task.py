@@ -37,7 +37,7 @@ class ImageTask:
         return bool(self.validation)
 
     def network(self, model: str) -> DepthNetwork:
-        return NETWORKS[model]()
+        return NETWORKS.load(model)()
 
     def drawn(self, plan: Plan, first: int, count: int) -> Drawn:
         return Drawn(self.packs, plan.crop, plan.seed, first, count)

@@ -14,8 +14,8 @@ from torch.utils.data import Dataset as Examples
 from enrichment.geometry.held_out import PAST, past_of, ring_step
 from enrichment.geometry.rays import COLUMNS, RayGrid, columns_for
 from enrichment.geometry.sparse_scan import Past, SparseScan, of_rings
-from enrichment.lift.features import RAY_CHANNELS, LiftInput, lift_input
-from enrichment.lift.network import MULTIPLE
+from enrichment.lift.channels import COLUMN_MULTIPLE, Ray
+from enrichment.lift.features import LiftInput, lift_input
 from enrichment.training.drawing import COARSER, FINER, in_other_light, in_turn
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
@@ -27,7 +27,6 @@ BLIND = 0.2  # of the examples have no image
 ALONE = 0.3  # of the examples have no past
 MOVED, TURNED = 0.02, 0.0005  # m, rad: standard deviations of a prediction's error, each axis
 CROP, BLURRED = 600, 40  # columns of an example, and of these on either side without answers
-SEEN = RAY_CHANNELS.index("seen")
 LARGEST = 1.3  # times as large, or as small, is a scene without an image
 
 
@@ -130,7 +129,7 @@ def example(
     """Of a frame with rings; `kept` and `asked` are ring ids, top first."""
     cloud = frame.cloud
     assert cloud.ring is not None
-    columns = min(COLUMNS, columns_for(cloud)) // MULTIPLE * MULTIPLE
+    columns = min(COLUMNS, columns_for(cloud)) // COLUMN_MULTIPLE * COLUMN_MULTIPLE
     grid = RayGrid(sensor, columns)
     before = [(of_rings(then, kept), T_now_then) for then, T_now_then in past]
     scan = SparseScan(of_rings(cloud, kept), sensor, kept, lambda: image, frame.calibration, columns, lambda: before)
@@ -151,7 +150,7 @@ def part_of(whole: LiftExample, centre: int) -> LiftExample:
 
 def _ahead(whole: LiftExample) -> int:
     """The column in the middle of those that the camera sees; the camera may look across the seam."""
-    seen = (whole.rays[0, SEEN] > 0).any(dim=0)
+    seen = (whole.rays[0, Ray.SEEN] > 0).any(dim=0)
     angle = 2 * np.pi * torch.arange(len(seen)) / len(seen)
     mean = torch.atan2((angle.sin() * seen).sum(), (angle.cos() * seen).sum())
     return int(mean / (2 * np.pi) * len(seen)) % len(seen)

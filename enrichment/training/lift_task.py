@@ -10,6 +10,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from enrichment.lift.channels import Ray
 from enrichment.lift.loss import lift_loss
 from enrichment.lift.network import Lift
 from enrichment.networks.export import export_lift
@@ -84,7 +85,7 @@ class LiftTask:
 
     def errors(self, network: nn.Module, batch: list[LiftExample]) -> tuple[Tensor, Tensor]:
         (scan,) = batch
-        asked = (scan.truth > 0) & (scan.rays[:, 0] > 0)
+        asked = (scan.truth > 0) & (scan.rays[:, Ray.KNOWN] > 0)
         error = (network(*scan[:-1]).ranges - scan.truth)[asked]
         return error.abs().mean(), error.square().mean().sqrt()
 

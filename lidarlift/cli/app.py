@@ -41,8 +41,9 @@ app = typer.Typer(
     No data at hand: `lidarlift demo`
     """,
 )
-for command in (run, compare, enrich, evaluate, export, config, fit_lasers, simulate, demo, depth_benchmark, train):
+for command in (run, compare, enrich, evaluate, export, config, fit_lasers, simulate, demo, depth_benchmark):
     app.command()(command)
+app.add_typer(train, name="train")
 app.add_typer(study, name="study")
 
 

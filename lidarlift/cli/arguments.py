@@ -8,17 +8,9 @@ from typing import Annotated
 
 import typer
 
+from enrichment.methods.registry import METHODS
 from slam.config import preset_names
 from slam.data.errors import InputError
-
-
-class Enricher(StrEnum):
-    LIFT = "lift"
-    RAY_SEGMENT = "ray-segment"
-    JOINT = "joint"
-    L2L = "l2l"
-    LI2L = "li2l"
-    F2L = "f2l"
 
 
 class Input(StrEnum):
@@ -38,11 +30,12 @@ InputOption = Annotated[
     Input | None, typer.Option(help="64: the scan as recorded; 16: rings dropped; enriched: 16, the rest filled in.")
 ]
 EnricherOption = Annotated[
-    Enricher | None,
+    str | None,
     typer.Option(
         "--enricher",
-        help="What fills in: lift, our network, the default; ray-segment, without learning and faster; joint, with the "
-        "image; or a network of the paper.",
+        metavar="NAME",
+        help=f"What fills in: {', '.join(METHODS.names())}. Default: lift, our network; ray-segment learns nothing and "
+        "is faster.",
     ),
 ]
 

@@ -47,7 +47,7 @@ def compare(
 
     data = open_dataset(dataset, sequence, sensor)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
-    rows, chosen = rows_for(inputs_of(data), enricher and enricher.value, config, set_ or ()), frame_slice(frames)
+    rows, chosen = rows_for(inputs_of(data), enricher, config, set_ or ()), frame_slice(frames)
     comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)
     print_comparison(comparison, title_of(data, rows, chosen), folder, rows)
 

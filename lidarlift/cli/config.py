@@ -18,5 +18,5 @@ def config(
 
     They are the defaults, then the preset of the input, then a file's, then single ones.
     """
-    settings = load_config(config, set_ or (), input=input and input.value, enricher=enricher and enricher.value)
+    settings = load_config(config, set_ or (), input=input and input.value, enricher=enricher)
     print(yaml_text(settings), end="")

@@ -55,7 +55,7 @@ def enrich(
 
     require_writable(out)
     data, chosen = open_dataset(dataset, sequence, sensor), frame_slice(frames)
-    dense = enriched(data, enricher=enricher and enricher.value, config=config, overrides=set_ or (), frames=chosen)
+    dense = enriched(data, enricher=enricher, config=config, overrides=set_ or (), frames=chosen)
     measured = total = done = empty = 0
     with progress(f"{data.name}, enriched", len(range(len(data))[chosen])) as advance:
         for frame, cloud in dense:

@@ -49,7 +49,7 @@ def run(
     from slam.session import read_report
 
     data = open_dataset(dataset, sequence, sensor)
-    chosen = settings_for(data.sensor, input and input.value, enricher and enricher.value, config, set_ or ())
+    chosen = settings_for(data.sensor, input and input.value, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict)
     report = read_report(folder)

@@ -7,7 +7,8 @@ import onnxruntime
 import pytest
 import torch
 
-from enrichment.lift import network as lift
+from enrichment.lift.channels import CANDIDATES, RAYS, RINGS
+from enrichment.lift.network import Lift
 from enrichment.methods.onnx_network import WEIGHTS
 from enrichment.methods.registry import LIFT, NETWORK_METHODS, runnable
 from enrichment.networks.export import load_weights
@@ -24,7 +25,7 @@ def test_each_has_both_files_and_a_card_and_can_run() -> None:
         card = (WEIGHTS / f"{name}.md").read_text()
         for heading in ("## Data", "## Training", "## Figures", "## Licence"):
             assert heading in card
-        assert f"lidarlift train {name}" in card
+        assert f"lidarlift train {name if name == LIFT else f'depth {name}'} " in card
         assert "non-commercial use only" in card
         assert "KITTI odometry 04" not in card  # the drives for tests
         assert name == LIFT or "drive_0005" not in card
@@ -40,7 +41,7 @@ def test_onnx_gives_torchs_depths(name: str) -> None:
     generator = torch.Generator().manual_seed(0)
     image, depth = (torch.rand(1, channels, 96, 160, generator=generator) for channels in (3, 1))
     given = {"image": image, "depth": torch.where(depth < 0.05, 1200 * depth, 0)}
-    network = NETWORKS[name]().eval()
+    network = NETWORKS.load(name)().eval()
     load_weights(network, WEIGHTS / f"{name}.safetensors")  # type: ignore[arg-type]  # a path, installed unpacked
     with torch.no_grad():
         expected = network(**given).numpy()
@@ -54,10 +55,10 @@ def test_onnx_gives_torchs_depths(name: str) -> None:
 def test_lifts_onnx_gives_torchs_ranges() -> None:
     """Of the ray segments' own candidates, for want of a scan."""
     generator = torch.Generator().manual_seed(0)
-    rays = torch.rand(1, lift.RAYS, 45, 96, generator=generator)
-    candidates = 5 + 40 * torch.rand(1, lift.CANDIDATES, 45, 96, generator=generator)
-    rings, upper = torch.rand(1, lift.RINGS, 16, 96, generator=generator), torch.arange(45) // 3
-    network = lift.Lift().eval()
+    rays = torch.rand(1, RAYS, 45, 96, generator=generator)
+    candidates = 5 + 40 * torch.rand(1, CANDIDATES, 45, 96, generator=generator)
+    rings, upper = torch.rand(1, RINGS, 16, 96, generator=generator), torch.arange(45) // 3
+    network = Lift().eval()
     load_weights(network, WEIGHTS / "lift.safetensors")  # type: ignore[arg-type]
     with torch.no_grad():
         expected = network(rings, upper, rays, candidates)

@@ -78,5 +78,5 @@ def test_depth_maps_are_completed_by_every_method(tmp_path: Path) -> None:
 def test_only_what_completes_images_completes_depth_maps() -> None:
     assert list(completions(["mrf"])) == ["mrf"]
     assert "delaunay" in completions()
-    with pytest.raises(InputError, match=r"delauny: does not complete depth maps.*delaunay"):
+    with pytest.raises(InputError, match=r"unknown depth completion 'delauny'; did you mean 'delaunay'"):
         completions(["delauny"])

@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 from enrichment.geometry.rays import RayGrid, range_image
 from enrichment.geometry.sparse_scan import SparseScan
 from enrichment.interpolation.depth_completion import (
-    COMPLETIONS,
-    DepthCompletion,
     delaunay,
     ip_basic,
     markov_random_field,
+    markov_random_field_method,
     nearest,
+    nearest_method,
 )
+from enrichment.methods.registry import COMPLETIONS
 from slam.data.cloud import Array, Calibration, PointCloud
 
 SHAPE = (60, 80)
@@ -57,9 +58,9 @@ def test_too_few_samples_for_a_triangle(rows: list[tuple[int, int]]) -> None:
     assert not delaunay(samples(*((v, u, 5.0) for v, u in rows)), GREY).any()
 
 
-@pytest.mark.parametrize("name", COMPLETIONS)
+@pytest.mark.parametrize("name", COMPLETIONS.names())
 def test_nothing_comes_of_nothing(name: str) -> None:
-    assert not COMPLETIONS[name](np.zeros(SHAPE, np.float32), GREY).any()
+    assert not COMPLETIONS.load(name)().complete(np.zeros(SHAPE, np.float32), GREY).any()
 
 
 def test_nearest_takes_the_nearest_sample() -> None:
@@ -88,8 +89,8 @@ def test_depth_stays_within_what_was_measured(seed: int, share: float) -> None:
     sparse[30, 40] = 10.0
     image = random.integers(0, 256, (*SHAPE, 3), np.uint8)
     known = sparse[sparse > 0]
-    for complete in COMPLETIONS.values():
-        dense = complete(sparse, image)
+    for name in COMPLETIONS.names():
+        dense = COMPLETIONS.load(name)().complete(sparse, image)
         assert dense.dtype == np.float32
         assert dense.shape == SHAPE
         filled = dense[dense > 0]
@@ -119,9 +120,9 @@ def wall(grid: RayGrid) -> SparseScan:
     return SparseScan(cloud, grid.sensor, rings, lambda: image, CALIBRATION).without(rings[rings % 4 != 0])
 
 
-@pytest.mark.parametrize("name", COMPLETIONS)
+@pytest.mark.parametrize("name", COMPLETIONS.names())
 def test_the_method_is_exact_on_a_wall_ahead(name: str, wall: SparseScan, grid: RayGrid) -> None:
-    prediction = DepthCompletion(name)(wall, grid)
+    prediction = COMPLETIONS.load(name)()(wall, grid)
     row, column = np.nonzero(prediction.ranges)
     rho = prediction.ranges[row, column] * np.cos(grid.sensor.elevation[row])
     np.testing.assert_allclose(rho * np.cos(grid.azimuth[column]), 15.0, rtol=1e-3)
@@ -133,14 +134,14 @@ def test_the_method_is_exact_on_a_wall_ahead(name: str, wall: SparseScan, grid: 
 
 @pytest.mark.parametrize("missing", [{"read_image": lambda: None}, {"calibration": None}], ids=["image", "calibration"])
 def test_without_a_camera_there_is_no_prediction(missing: dict[str, Any], wall: SparseScan, grid: RayGrid) -> None:
-    prediction = DepthCompletion("nearest")(replace(wall, **missing), grid)
+    prediction = nearest_method()(replace(wall, **missing), grid)
     assert not prediction.ranges.any()
     assert not prediction.trusted.any()
 
 
 def test_the_answer_is_not_in_the_scan(wall: SparseScan, grid: RayGrid) -> None:
     """Rays on kept rings are not predicted, nor those above the first return or below the last one."""
-    rows = np.flatnonzero(DepthCompletion("mrf")(wall, grid).ranges.any(axis=1))
+    rows = np.flatnonzero(markov_random_field_method()(wall, grid).ranges.any(axis=1))
     assert not set(rows) & set(range(0, 64, 4))
     image = range_image(wall.cloud, grid)
     assert (image[rows] == -1).all()

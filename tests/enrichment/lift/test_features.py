@@ -11,21 +11,14 @@ import pytest
 from enrichment.geometry.held_out import hold_out
 from enrichment.geometry.rays import RayGrid
 from enrichment.geometry.sparse_scan import SparseScan
-from enrichment.lift.features import CANDIDATES, RAY_CHANNELS, RING_CHANNELS, LiftInput, lift_input
+from enrichment.lift.channels import CANDIDATES, RAYS, RINGS, Candidate, Ray
+from enrichment.lift.features import LiftInput, lift_input
 from slam.data.camera import project
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 
 LOOKING_AHEAD = np.array([[0, -1, 0, 0.0], [0, 0, -1, 0.0], [1, 0, 0, 0.0], [0, 0, 0, 1.0]])
 CALIBRATION = Calibration(np.array([[175.0, 0, 150], [0, 175.0, 42], [0, 0, 1]]), LOOKING_AHEAD)
 IMAGE = np.full((93, 301, 3), 90, np.uint8)
-
-
-def channel(given: LiftInput, name: str) -> Array:
-    return np.asarray(given.rays[RAY_CHANNELS.index(name)])
-
-
-def candidate(given: LiftInput, name: str) -> Array:
-    return np.asarray(given.candidates[CANDIDATES.index(name)])
 
 
 def same(one: LiftInput, other: LiftInput) -> bool:
@@ -37,9 +30,9 @@ def test_shapes(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     given = lift_input(sparse(), grid)
     assert given.rows.tolist() == [row for row in range(60) if row % 4]
     assert given.upper.tolist() == [row // 4 for row in given.rows]
-    assert given.rings.shape == (len(RING_CHANNELS), 16, 2000)
-    assert given.rays.shape == (len(RAY_CHANNELS), 45, 2000)
-    assert given.candidates.shape == (len(CANDIDATES), 45, 2000)
+    assert given.rings.shape == (RINGS, 16, 2000)
+    assert given.rays.shape == (RAYS, 45, 2000)
+    assert given.candidates.shape == (CANDIDATES, 45, 2000)
     for values in (given.rings, given.rays, given.candidates):
         assert values.dtype == np.float32
         assert np.isfinite(values).all()
@@ -66,8 +59,8 @@ def test_on_a_plane_the_segment_and_both_extensions_are_right(
     truth[dense.ring, grid.column_of(dense.xyz)] = np.hypot(dense.xyz[:, 0], dense.xyz[:, 1])
     truth = truth[given.rows]
     beside = (truth > 0) & (truth < 10) & (np.abs(grid.azimuth) > 2)  # ground alone
-    for name in ("segment", "from above", "from below"):
-        found = candidate(given, name)
+    for candidate in (Candidate.SEGMENT, Candidate.FROM_ABOVE, Candidate.FROM_BELOW):
+        found = given.candidates[candidate]
         known = beside & (found > 0)
         assert known.sum() > 1000
         np.testing.assert_allclose(found[known], truth[known], rtol=1e-3)
@@ -75,12 +68,12 @@ def test_on_a_plane_the_segment_and_both_extensions_are_right(
 
 def test_ranges_are_told_as_ratios(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     given = lift_input(sparse(), grid)
-    known = channel(given, "known") > 0
-    segment = candidate(given, "segment")
-    np.testing.assert_allclose(10 * np.exp(channel(given, "range"))[known], segment[known], rtol=1e-4)
-    for name in ("above", "below"):
-        found = segment * np.exp(channel(given, name))
-        np.testing.assert_allclose(found[known], candidate(given, name)[known], rtol=1e-4)
+    known = given.rays[Ray.KNOWN] > 0
+    segment = given.candidates[Candidate.SEGMENT]
+    np.testing.assert_allclose(10 * np.exp(given.rays[Ray.RANGE])[known], segment[known], rtol=1e-4)
+    for ray, candidate in ((Ray.ABOVE, Candidate.ABOVE), (Ray.BELOW, Candidate.BELOW)):
+        found = segment * np.exp(given.rays[ray])
+        np.testing.assert_allclose(found[known], given.candidates[candidate][known], rtol=1e-4)
     for values in (given.rays, given.candidates):
         assert not values[:, ~known].any()
 
@@ -92,21 +85,21 @@ def test_the_image_tells_where_colours_change(sparse: Callable[..., SparseScan],
     calibration = replace(CALIBRATION, K=np.array([[700.0, 0, 600], [0, 700.0, 168], [0, 0, 1]]))
     scan = replace(sparse(), read_image=lambda: image, calibration=calibration)
     given = lift_input(scan, grid)
-    assert not channel(lift_input(sparse(), grid), "seen").any()
-    seen = channel(given, "seen") > 0
+    assert not lift_input(sparse(), grid).rays[Ray.SEEN].any()
+    seen = given.rays[Ray.SEEN] > 0
     row, column = np.nonzero(seen)
-    rho = candidate(given, "segment")[seen]
+    rho = given.candidates[Candidate.SEGMENT][seen]
     ranges = rho / np.cos(grid.sensor.elevation[given.rows[row]])
     pixels, _ = project(grid.points(ranges, given.rows[row], column), calibration)
     assert (np.abs(pixels - (601.5, 185.5)) <= (602.01, 186.01)).all()
-    across = (channel(given, "change above") + channel(given, "change below") > 1.0)[seen]
+    across = (given.rays[Ray.CHANGE_ABOVE] + given.rays[Ray.CHANGE_BELOW] > 1.0)[seen]
     dark, bright = across & (pixels[:, 1] < 234), across & (pixels[:, 1] > 246)
     assert dark.sum() > 50
     assert bright.sum() > 50
-    edge, above, below = (candidate(given, name)[seen] for name in ("edge", "above", "below"))
+    edge, above, below = (given.candidates[which][seen] for which in (Candidate.EDGE, Candidate.ABOVE, Candidate.BELOW))
     np.testing.assert_allclose(edge[dark], above[dark], rtol=0.05)
     np.testing.assert_allclose(edge[bright], below[bright], rtol=0.05)
-    assert (channel(given, "colour above")[seen][bright] > channel(given, "colour below")[seen][bright]).all()
+    assert (given.rays[Ray.COLOUR_ABOVE][seen][bright] > given.rays[Ray.COLOUR_BELOW][seen][bright]).all()
 
 
 def test_a_lens_is_taken_out_of_the_image(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
@@ -133,13 +126,13 @@ def test_the_past_is_told_where_it_is_on_a_ray(sparse: Callable[..., SparseScan]
     post = grid.points(np.full(192, 9.0) / np.cos(grid.sensor.elevation[row]), row, column)
     saw = PointCloud(post, np.zeros(192), ring=row)
     given = lift_input(replace(scan, read_past=lambda: [(saw, T_now_then)]), grid)
-    segment, past = candidate(given, "segment")[:, 1001], candidate(given, "past")[:, 1001]
+    segment, past = given.candidates[Candidate.SEGMENT][:, 1001], given.candidates[Candidate.PAST][:, 1001]
     near = (segment > 8) & (segment < 11)
     assert near.sum() > 3
     np.testing.assert_allclose(past[near], 9.0, rtol=1e-3)
-    found = segment[near] * np.exp(channel(given, "past")[:, 1001][near])
+    found = segment[near] * np.exp(given.rays[Ray.PAST][:, 1001][near])
     np.testing.assert_allclose(found, 9.0, rtol=1e-3)
-    assert not candidate(given, "past")[:, :900].any()
+    assert not given.candidates[Candidate.PAST][:, :900].any()
 
 
 def test_where_nothing_changed_the_past_agrees_with_the_segments(
@@ -147,7 +140,7 @@ def test_where_nothing_changed_the_past_agrees_with_the_segments(
 ) -> None:
     before = [lowered(sparse().cloud, 0.0), lowered(dense, 0.05)]
     given = lift_input(replace(sparse(), read_past=lambda: before), grid)
-    past, segment = candidate(given, "past"), candidate(given, "segment")
+    past, segment = given.candidates[Candidate.PAST], given.candidates[Candidate.SEGMENT]
     known = (past > 0) & (np.abs(grid.azimuth) > 2) & (segment < 20)
     assert known.sum() > 1000
     np.testing.assert_allclose(past[known], segment[known], rtol=0.01)
@@ -169,11 +162,11 @@ def test_the_guess_lies_among_the_surfaces_around(sparse: Callable[..., SparseSc
     scan = replace(scan, cloud=scan.cloud.with_xyz(scan.cloud.xyz * np.where(board, 0.5, 1.0)[:, None]))
     calibration = replace(CALIBRATION, K=np.array([[700.0, 0, 600], [0, 700.0, 168], [0, 0, 1]]))
     given = lift_input(replace(scan, read_image=lambda: image, calibration=calibration), grid)
-    guess, above, below = (candidate(given, name) for name in ("guess", "above", "below"))
+    guess, above, below = (given.candidates[which] for which in (Candidate.GUESS, Candidate.ABOVE, Candidate.BELOW))
     unsure = guess > 0
     assert unsure.sum() > 20
-    assert (np.expm1(channel(given, "sigma"))[unsure] > 0.4).all()
-    assert (channel(given, "seen")[unsure] > 0).all()
+    assert (np.expm1(given.rays[Ray.SIGMA])[unsure] > 0.4).all()
+    assert (given.rays[Ray.SEEN][unsure] > 0).all()
     assert (guess > 0.7 * np.minimum(above, below))[unsure].all()
     assert (guess < 1.3 * np.maximum(above, below))[unsure].all()
 
@@ -182,4 +175,4 @@ def test_the_guess_lies_among_the_surfaces_around(sparse: Callable[..., SparseSc
 def test_any_first_ring(phase: int, sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     given = lift_input(sparse(phase), grid)
     assert (given.rows % 4 != phase).all()
-    assert (channel(given, "known") > 0).mean() > 0.3
+    assert (given.rays[Ray.KNOWN] > 0).mean() > 0.3

@@ -10,11 +10,9 @@ import torch
 from onnxruntime import InferenceSession
 from torch import Tensor
 
-from enrichment.lift import features as lift_input
-from enrichment.lift import network as lift
+from enrichment.lift.channels import CANDIDATES, RAYS, RINGS, Candidate, Ray
 from enrichment.lift.loss import lift_loss
 from enrichment.lift.network import RESIDUAL, Lift
-from enrichment.methods import lift as lift_method
 from enrichment.networks.export import export_lift, load_weights
 
 
@@ -30,23 +28,15 @@ def made() -> Lift:
 def example(rings: int = 4, rows: int = 6, columns: int = 96) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Rings, upper, rays and candidates; a ray in five has none."""
     generator = torch.Generator().manual_seed(1)
-    rays = torch.rand(1, lift.RAYS, rows, columns, generator=generator)
-    candidates = 5 + 40 * torch.rand(1, lift.CANDIDATES, rows, columns, generator=generator)
+    rays = torch.rand(1, RAYS, rows, columns, generator=generator)
+    candidates = 5 + 40 * torch.rand(1, CANDIDATES, rows, columns, generator=generator)
     known = (torch.rand(1, 1, rows, columns, generator=generator) > 0.2).float()
     rays, candidates = rays * known, candidates * known
-    rays[:, :1], candidates[:, 5:] = known, 0
+    rays[:, Ray.KNOWN], candidates[:, Candidate.EDGE :] = known[:, 0], 0
     return (
-        torch.rand(1, lift.RINGS, rings, columns, generator=generator), torch.arange(rows) % (rings - 1), rays,
+        torch.rand(1, RINGS, rings, columns, generator=generator), torch.arange(rows) % (rings - 1), rays,
         candidates,
     )  # fmt: skip
-
-
-def test_the_channels_are_those_of_the_input() -> None:
-    assert len(lift_input.RING_CHANNELS) == lift.RINGS
-    assert len(lift_input.RAY_CHANNELS) == lift.RAYS
-    assert len(lift_input.CANDIDATES) == lift.CANDIDATES
-    assert lift_input.RAY_CHANNELS[lift.SIGMA] == "sigma"
-    assert lift_method.MULTIPLE == lift.MULTIPLE
 
 
 def test_it_is_small() -> None:
@@ -57,7 +47,7 @@ def test_ranges_lie_between_the_candidates() -> None:
     given = example()
     with torch.no_grad():
         answer = made()(*given)
-    known = given[2][:, 0] > 0
+    known = given[2][:, Ray.KNOWN] > 0
     some = given[3][:, :5]
     low, high = some.amin(dim=1), some.amax(dim=1)
     assert (answer.ranges[known] >= (1 - RESIDUAL) * low[known]).all()
@@ -72,7 +62,7 @@ def test_a_turn_of_the_lidar_turns_the_answer(turn: int) -> None:
     with torch.no_grad():
         one = network(rings, upper, rays, candidates)
         other = network(rings.roll(turn, -1), upper, rays.roll(turn, -1), candidates.roll(turn, -1))
-    known = rays[:, 0] > 0
+    known = rays[:, Ray.KNOWN] > 0
     torch.testing.assert_close(one.ranges[known], other.ranges.roll(-turn, -1)[known])
     torch.testing.assert_close(one.scale[known], other.scale.roll(-turn, -1)[known])
 
@@ -96,7 +86,7 @@ def test_onnx_computes_what_torch_does_for_any_lidar(tmp_path: Path) -> None:
 
 def test_it_learns() -> None:
     rings, upper, rays, candidates = example()
-    truth = candidates[:, 2] * 1.01
+    truth = candidates[:, Candidate.BELOW] * 1.01
     network = Lift().train()
     optimizer, losses = torch.optim.Adam(network.parameters(), 3e-3), []
     for _ in range(30):
@@ -108,10 +98,10 @@ def test_it_learns() -> None:
         losses.append(loss.item())
     assert losses[-1] < losses[0] - 0.3
     weights = torch.softmax(answer.logits, dim=1)
-    assert weights[:, 2][truth > 0].mean() > 0.5  # the right candidate
+    assert weights[:, Candidate.BELOW][truth > 0].mean() > 0.5  # the right candidate
 
 
 def test_without_answers_there_is_nothing_to_learn() -> None:
     rings, upper, rays, candidates = example()
     answer = Lift()(rings, upper, rays, candidates)
-    assert lift_loss(answer, rays, candidates, torch.zeros_like(rays[:, 0])) == 0
+    assert lift_loss(answer, rays, candidates, torch.zeros_like(rays[:, Ray.KNOWN])) == 0

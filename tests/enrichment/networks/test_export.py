@@ -14,10 +14,10 @@ from enrichment.networks.registry import NETWORKS
 from slam.data.errors import InputError
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("name", NETWORKS.names())
 def test_onnx_computes_what_torch_does_at_any_size(name: str, tmp_path: Path) -> None:
     torch.manual_seed(0)
-    network = NETWORKS[name]()
+    network = NETWORKS.load(name)()
     export(network, tmp_path, name, scale=0.5)
     assert network.training  # as it was before
     session = InferenceSession(tmp_path / f"{name}.onnx")
@@ -38,7 +38,7 @@ def test_onnx_computes_what_torch_does_at_any_size(name: str, tmp_path: Path) ->
 
 
 def test_weights_come_back(tmp_path: Path) -> None:
-    one, other = NETWORKS["l2l"](), NETWORKS["l2l"]()
+    one, other = NETWORKS.load("l2l")(), NETWORKS.load("l2l")()
     export(one, tmp_path, "mine")
     load_weights(other, tmp_path / "mine.safetensors")
     for name, value in one.state_dict().items():
@@ -46,9 +46,9 @@ def test_weights_come_back(tmp_path: Path) -> None:
 
 
 def test_weights_of_another_network_are_refused(tmp_path: Path) -> None:
-    export(NETWORKS["l2l"](), tmp_path, "mine")
+    export(NETWORKS.load("l2l")(), tmp_path, "mine")
     with pytest.raises(InputError, match=r"mine\.safetensors: no weights of F2L"):
-        load_weights(NETWORKS["f2l"](), tmp_path / "mine.safetensors")
+        load_weights(NETWORKS.load("f2l")(), tmp_path / "mine.safetensors")
 
 
 @pytest.mark.parametrize("content", [None, b"nothing of the kind"])
@@ -57,4 +57,4 @@ def test_a_file_that_is_none_is_refused(content: bytes | None, tmp_path: Path) -
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError, match=r"weights\.safetensors: no weights of L2L"):
-        load_weights(NETWORKS["l2l"](), path)
+        load_weights(NETWORKS.load("l2l")(), path)

@@ -22,7 +22,7 @@ SEPARATED = (21 * 11**2 + 21) + (21 * 32 + 32) + (32 * 7**2 + 32) + (32 * 32 + 3
 
 def made(name: str, seed: int = 0) -> DepthNetwork:
     torch.manual_seed(seed)
-    return NETWORKS[name]()
+    return NETWORKS.load(name)()
 
 
 def example(height: int = 16, width: int = 24) -> tuple[Tensor, Tensor]:
@@ -49,7 +49,7 @@ def test_erfnet_has_as_many_parameters_as_published() -> None:
     assert sum(p.numel() for p in ERFNet(4, 20).parameters()) == ERFNET
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("name", NETWORKS.names())
 def test_every_parameter_learns_and_the_loss_falls(name: str) -> None:
     """Ten steps on one example; behind zeros that a network starts with nothing learns in the first."""
     network, (image, depth) = made(name).train(), example()
@@ -75,7 +75,7 @@ def test_a_new_network_gives_the_depth_that_is_around(name: str) -> None:
     assert (dense[depth > 0] > 0).all()
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("name", NETWORKS.names())
 @pytest.mark.parametrize("shape", [(24, 40), (21, 37)])
 def test_the_output_is_as_large_as_the_input(name: str, shape: tuple[int, int]) -> None:
     with torch.no_grad():
@@ -84,7 +84,7 @@ def test_the_output_is_as_large_as_the_input(name: str, shape: tuple[int, int]) 
     assert dense.isfinite().all()
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("name", NETWORKS.names())
 def test_the_seed_decides(name: str) -> None:
     one, same, other = ([p.detach() for p in made(name, seed).parameters()] for seed in (0, 0, 1))
     assert all(torch.equal(a, b) for a, b in zip(one, same, strict=True))

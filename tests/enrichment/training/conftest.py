@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -100,6 +103,9 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> Callable[[int | None], None]:
             return dense
 
     def known(breaks_at: int | None = None) -> None:
-        monkeypatch.setitem(NETWORKS, "tiny", lambda: Tiny(breaks_at))
+        module = ModuleType("tiny_network")
+        module.make = partial(Tiny, breaks_at)  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, "tiny_network", module)
+        monkeypatch.setitem(NETWORKS.own, "tiny", "tiny_network:make")  # type: ignore[arg-type]
 
     return known

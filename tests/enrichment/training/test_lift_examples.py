@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from enrichment.geometry.held_out import past_of
-from enrichment.lift.features import CANDIDATES
+from enrichment.lift.channels import Candidate, Ray
 from enrichment.lift.network import Lift
 from enrichment.training.lift_examples import BLURRED, CROP, DrawnScans, WholeScans, drawn_rings, example, part_of
 from enrichment.training.lift_task import LiftTask
@@ -44,9 +44,9 @@ def test_a_sparse_lidars_own_rings_are_held_out_one_by_one(seed: int, sensor: Se
 
 def test_answers_are_on_their_rays(drive: Any) -> None:
     given = WholeScans([drive])[0]
-    known = (given.truth > 0) & (given.rays[:, 0] > 0)
+    known = (given.truth > 0) & (given.rays[:, Ray.KNOWN] > 0)
     assert known.sum() > 10_000
-    segment = given.candidates[:, CANDIDATES.index("segment")]
+    segment = given.candidates[:, Candidate.SEGMENT]
     assert (segment - given.truth)[known].abs().median() < 0.05  # ground and a wall: planes nearly everywhere
 
 
@@ -99,7 +99,7 @@ def test_the_past_is_of_the_scans_before(drive: Any) -> None:
         np.testing.assert_allclose(T_now_then[:3, 3], [k - 2.0, 0, 0])
     assert past_of(moved, 0) == []
     assert len(past_of(moved, 2, 1)) == 1
-    has_past = WholeScans([moved])[2].candidates[0, CANDIDATES.index("past")] > 0
+    has_past = WholeScans([moved])[2].candidates[0, Candidate.PAST] > 0
     assert has_past.float().mean() > 0.05
 
 

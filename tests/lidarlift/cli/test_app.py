@@ -27,7 +27,7 @@ def test_usage_errors_exit_with_2(lidarlift: Command, arguments: tuple[str, ...]
 COMMANDS = ("run", "compare", "enrich", "evaluate", "export", "fit-lasers", "simulate", "demo", "depth-benchmark")
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS, "study sparsity", "study edges"])
+@pytest.mark.parametrize("command", ["", *COMMANDS, "study sparsity", "study edges", "train lift", "train depth"])
 def test_help_has_an_example(lidarlift: Command, command: str) -> None:
     result = lidarlift(*command.split(), "--help")
     assert result.code == 0

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lidarlift.cli.compare import INPUTS, rows_for
+from lidarlift.comparing import INPUTS, rows_for
 from slam.data.point_files import read_points
 from slam.session import read_report
 

@@ -11,8 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from enrichment.interpolation.depth_completion import COMPLETIONS
-from enrichment.methods.registry import runnable
+from enrichment.methods.registry import COMPLETIONS, runnable
 
 Drive = Callable[..., Path]
 Command = Callable[..., Any]
@@ -95,8 +94,8 @@ def test_depth_maps_by_the_benchmarks_own_rules(lidarlift: Command, depth_maps: 
     result = lidarlift("depth-benchmark", depth_maps, "--out", "d")
     assert result.code == 0, result.err
     found = report()
-    assert list(found) == [*COMPLETIONS, "about"]
-    for name in COMPLETIONS:
+    assert list(found) == [*COMPLETIONS.names(), "about"]
+    for name in COMPLETIONS.names():
         assert found[name]["image"]["images"] == 2
         assert found[name]["image"]["coverage"] > 0.8
         assert found[name]["image"]["mae_mm"] < 10

@@ -58,3 +58,29 @@ def test_a_network_without_an_image_gives_way_and_says_so(
     assert caplog.text.count("ray-segment interpolation takes its place") == 1
     lidarlift("enrich", path, "--out", "r", "--frames", "0:2", *QUICK)
     assert Path("f/000001.pcd").read_bytes() == Path("r/000001.pcd").read_bytes()
+
+
+@pytest.mark.parametrize("command", [("run", "--input", "enriched"), ("enrich",), ("compare",)])
+def test_a_wrong_enricher_is_refused_before_any_work(
+    lidarlift: Command, street_drive: Callable[..., Path], command: tuple[str, ...]
+) -> None:
+    name, *options = command
+    result = lidarlift(name, street_drive(), *options, "--enricher", "ray-segments", "--out", "o")
+    result.refused("unknown enrichment method 'ray-segments'", "did you mean 'ray-segment'?")
+    assert not result.out
+    assert not Path("o").exists()
+
+
+def test_a_broken_package_is_named(
+    lidarlift: Command, street_drive: Callable[..., Path], installed: Callable[[str, str, dict[str, str]], object]
+) -> None:
+    installed("my-enricher", "[lidarlift.methods]\nmine = my_enricher:Mine\n", {"my_enricher.py": "import no_such"})
+    result = lidarlift("compare", street_drive(), "--enricher", "mine", "--out", "o")
+    result.refused("'mine' of the package my-enricher cannot be loaded", "No module named 'no_such'")
+    assert not Path("o").exists()
+
+
+def test_help_lists_the_enrichers(lidarlift: Command) -> None:
+    words = " ".join(lidarlift("enrich", "--help").out.replace("│", " ").split())
+    for name in ("lift", "ray-segment", "joint", "ip-basic", "f2l"):
+        assert name in words

@@ -20,7 +20,7 @@ SHORT = ("--steps", 2, "--crop", "48x64", "--device", "cpu")
 @pytest.fixture
 def seen(street_drive: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> Path:
     """The street drive with images of its right side."""
-    monkeypatch.setattr("lidarlift.cli.train._cores", lambda: 1)  # processes would take seconds to start
+    monkeypatch.setattr("lidarlift.training.cores", lambda: 1)  # processes would take seconds to start
     sequence = street_drive()
     (sequence / "image_2").mkdir()
     for number in range(8):
@@ -32,17 +32,17 @@ def seen(street_drive: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_short_training_goes_on(lidarlift: Command, seen: Path) -> None:
-    first = lidarlift("train", "l2l", seen, "--validate", seen, "--pack", "street.npz", "--out", "t", *SHORT)
+    first = lidarlift("train", "depth", "l2l", seen, "--validate", seen, "--pack", "street.npz", "--out", "t", *SHORT)
     assert first.code == 0, first.err
     assert "l2l: 2 steps, validated best after 2: MAE" in first.out
     assert "Written to t: l2l.onnx, l2l.safetensors, l2l.md" in first.out
     assert {path.name for path in Path("t").iterdir()} >= {"l2l.onnx", "l2l.safetensors", "l2l.md", "logs"}
     card = Path("t/l2l.md").read_text()
     assert "returns of the scan and 5 before and after, placed by ground truth" in card
-    assert "lidarlift train l2l" in card
-    lidarlift("train", "l2l", "street.npz", "--out", "t", *SHORT).refused("t: a training is here", "--resume")
+    assert "lidarlift train depth l2l" in card
+    lidarlift("train", "depth", "l2l", "street.npz", "--out", "t", *SHORT).refused("t: a training is here", "--resume")
     more = ("--validate", seen, "--out", "t", "--resume", *SHORT, "--steps", 3)
-    again = lidarlift("train", "l2l", "street.npz", *more)
+    again = lidarlift("train", "depth", "l2l", "street.npz", *more)
     assert again.code == 0, again.err
     assert "l2l: 3 steps" in again.out
     assert "Packing" not in again.err
@@ -50,9 +50,9 @@ def test_a_short_training_goes_on(lidarlift: Command, seen: Path) -> None:
 
 def test_a_training_starts_from_weights_and_its_card_names_no_folder(lidarlift: Command, seen: Path) -> None:
     pack, weights = Path.cwd() / "street.npz", Path("first/l2l.safetensors")
-    first = lidarlift("train", "l2l", seen, "--pack", pack, "--out", "first", *SHORT)
+    first = lidarlift("train", "depth", "l2l", seen, "--pack", pack, "--out", "first", *SHORT)
     assert first.code == 0, first.err
-    second = lidarlift("train", "l2l", pack, "--start", weights, "--rate", 1e-9, "--out", "second", *SHORT)
+    second = lidarlift("train", "depth", "l2l", pack, "--start", weights, "--rate", 1e-9, "--out", "second", *SHORT)
     assert second.code == 0, second.err
     learned, kept = (load_file(f"{folder}/l2l.safetensors") for folder in ("first", "second"))
     for name, values in learned.items():
@@ -61,11 +61,11 @@ def test_a_training_starts_from_weights_and_its_card_names_no_folder(lidarlift: 
     assert "learning rate up to 1e-09" in card
     assert "street.npz" in card
     assert str(Path.cwd()) not in card
-    other = lidarlift("train", "f2l", pack, "--start", weights, *SHORT)
+    other = lidarlift("train", "depth", "f2l", pack, "--start", weights, *SHORT)
     assert other.code == 1
     assert "Error: first/l2l.safetensors: no weights of F2L" in other.err
     both = ("--start", weights, "--resume", "--out", "second")
-    lidarlift("train", "l2l", pack, *both, *SHORT).refused("leave one of --start and --resume out")
+    lidarlift("train", "depth", "l2l", pack, *both, *SHORT).refused("leave one of --start and --resume out")
 
 
 def test_lift_learns_from_drives_and_adapts_by_a_lidars_own_rings(lidarlift: Command, seen: Path) -> None:
@@ -82,24 +82,45 @@ def test_lift_learns_from_drives_and_adapts_by_a_lidars_own_rings(lidarlift: Com
     card = Path("own/lift.md").read_text()
     assert "no ground truth was used" in card
     assert "learning rate up to 0.0003" in card
-    lidarlift("train", "l2l", seen, "--self-supervised").refused("--self-supervised", "choose lift")
-    lidarlift("train", "lift", seen, "--pack", "some.npz").refused("lift needs neither --poses nor --pack")
-    lidarlift("train", "lift", "some.npz").refused("some.npz: lift learns from drives, not from packs")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("lift", "d", "--pack", "p.npz"), ("lift", "d", "--crop", "48x64"), ("depth", "l2l", "d", "--self-supervised")],
+)
+def test_each_command_has_its_own_options_alone(lidarlift: Command, arguments: tuple[str, ...]) -> None:
+    result = lidarlift("train", *arguments)
+    assert result.code == 2
+    assert "No such option" in result.err
+
+
+def test_how_long_is_said_once(lidarlift: Command) -> None:
+    for command in (("lift", "d"), ("depth", "l2l", "d")):
+        result = lidarlift("train", *command, "--epochs", 1, "--steps", 1)
+        assert result.code == 2
+        assert "leave --epochs out" in " ".join(result.err.replace("│", " ").split())
+
+
+def test_lift_learns_from_drives_not_packs(lidarlift: Command, tmp_path: Path) -> None:
+    (tmp_path / "some.npz").touch()
+    lidarlift("train", "lift", "some.npz").refused("some.npz: is a file, not a folder with scans")
 
 
 def test_what_is_wrong_is_said_in_one_line(lidarlift: Command, seen: Path) -> None:
-    lidarlift("train", "l3l", seen).refused("unknown network 'l3l'", "did you mean 'l2l'?")
-    lidarlift("train", "l2l", seen, "--crop", "large").refused("--crop large", "HEIGHTxWIDTH")
-    lidarlift("train", "l2l", seen, "--out", "new", "--resume").refused("checkpoint.safetensors", "nothing to --resume")
-    lidarlift("train", "l2l", "none.npz").refused("none.npz: no such file")
-    lidarlift("train", "l2l", seen.parent / "nowhere").refused("no such folder")
-    lidarlift("train", "l2l", seen, "--poses", "a", "--poses", "b").refused("2 files for 1 drives")
+    lidarlift("train", "depth", "l3l", seen).refused("unknown network 'l3l'", "did you mean 'l2l'?")
+    lidarlift("train", "depth", "l2l", seen, "--crop", "large").refused("--crop large", "HEIGHTxWIDTH")
+    lidarlift("train", "depth", "l2l", seen, "--out", "new", "--resume").refused(
+        "checkpoint.safetensors", "nothing to --resume"
+    )
+    lidarlift("train", "depth", "l2l", "none.npz").refused("none.npz: no such file")
+    lidarlift("train", "depth", "l2l", seen.parent / "nowhere").refused("no such folder")
+    lidarlift("train", "depth", "l2l", seen, "--poses", "a", "--poses", "b").refused("2 files for 1 drives")
     (seen.parent / "78" / "velodyne").mkdir(parents=True)
-    lidarlift("train", "l2l", seen.parent).refused("several sequences", "the folder of each")
-    large = lidarlift("train", "l2l", seen, "--crop", "200x64", "--pack", "street.npz")
+    lidarlift("train", "depth", "l2l", seen.parent).refused("several sequences", "the folder of each")
+    large = lidarlift("train", "depth", "l2l", seen, "--crop", "200x64", "--pack", "street.npz")
     assert large.code == 1
     assert large.err.endswith("images of 120x160 at scale 0.5; choose a --crop of no more than that\n")
-    lidarlift("train", "l2l", "street.npz", "--scale", 1).refused("packed at scale 0.5", "--scale 0.5")
+    lidarlift("train", "depth", "l2l", "street.npz", "--scale", 1).refused("packed at scale 0.5", "--scale 0.5")
 
 
 def test_no_gpu(lidarlift: Command, seen: Path) -> None:
@@ -107,6 +128,6 @@ def test_no_gpu(lidarlift: Command, seen: Path) -> None:
 
     if torch.cuda.is_available() or torch.backends.mps.is_available():
         pytest.skip("there is one")
-    result = lidarlift("train", "l2l", seen, "--crop", "48x64", "--device", "gpu")
+    result = lidarlift("train", "depth", "l2l", seen, "--crop", "48x64", "--device", "gpu")
     assert result.code == 1
     assert "Error: --device gpu: PyTorch finds none here" in result.err.splitlines()[-1]

@@ -13,7 +13,7 @@ import pytest
 from slam.data.errors import InputError
 from slam.data.registry import Registry
 
-Install = Callable[[str, str, dict[str, str]], None]
+Install = Callable[[str, str, dict[str, str]], object]
 OWN = {"ordered": "collections:OrderedDict", "counted": "collections:Counter"}
 THINGS: Registry[Any] = Registry("thing", OWN, "lidarlift.things")
 
