@@ -1,0 +1,1 @@
+"""What the benchmarks share: arguments, errors, cores, results, tables, pictures and simulated drives."""

@@ -1,0 +1,1 @@
+"""Ranges that methods of enrichment predict, against rings held out."""

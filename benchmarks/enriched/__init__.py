@@ -1,0 +1,1 @@
+"""Odometry on enriched scans, against that on all 64 channels."""

@@ -1,0 +1,1 @@
+"""The odometry beside its peers and beside the paper's own chain."""

@@ -1,0 +1,1 @@
+"""Simulated drives against real ones."""

@@ -1,0 +1,1 @@
+"""How the shipped weights are trained, and what trainings are compared by."""
