@@ -158,7 +158,11 @@ def _executable(path: Path) -> Path:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.same_bytes",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("before", type=Path, help="the command lidarlift of the older version")
     parser.add_argument("after", type=Path, help="that of the newer one")
     parser.add_argument("--drive", type=Path, action="append", default=[], metavar="PATH", help="may be repeated")

@@ -25,6 +25,11 @@ def write_results(folder: Path, name: str, found: Mapping[str, Any], page: Calla
     print(f"wrote {name}.json and {name}.md in {folder}")
 
 
+def without_about(found: Mapping[str, Any]) -> dict[str, Any]:
+    """What was found by drive or method, where "about" stands beside these."""
+    return {name: figures for name, figures in found.items() if name != "about"}
+
+
 def surroundings(packages: Iterable[str]) -> dict[str, Any]:
     """Where and with what was measured: hardware, versions, date."""
     return {

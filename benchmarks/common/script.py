@@ -16,7 +16,7 @@ RESULTS = Path(__file__).parents[1] / "results"
 def parser(doc: str | None) -> argparse.ArgumentParser:
     """Its help is the script's docstring `doc`, whose example says how the script is called."""
     assert doc is not None
-    command = re.search(r"python -m [\w.]+", doc)
+    command = re.search(r"python -m benchmarks[\w.]+", doc)
     assert command is not None
     return argparse.ArgumentParser(
         prog=command.group(), description=doc, formatter_class=argparse.RawDescriptionHelpFormatter

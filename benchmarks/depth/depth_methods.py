@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.common.cores import pin_to_one_core
-from benchmarks.common.page import surroundings, table, verdict, write_results
+from benchmarks.common.page import surroundings, table, verdict, without_about, write_results
 from benchmarks.common.script import add_results, parser, run_script
-from benchmarks.depth.tables import methods, of_views
+from benchmarks.depth.tables import of_views
 from enrichment.methods.registry import LIFT, NETWORK_METHODS, make_methods, runnable
 from eval.depth.tables import PAPER, VIEWS
 from eval.text import number
@@ -40,7 +40,9 @@ def main() -> None:
 def targets(reports: Mapping[str, Any]) -> Iterable[tuple[str, ...]]:
     """What was aimed at, drive by drive: figure, limit, verdict."""
     for drive, report in reports.items():
-        image, full = ({name: entry[view] for name, entry in methods(report) if view in entry} for view in VIEWS)
+        image, full = (
+            {name: entry[view] for name, entry in without_about(report).items() if view in entry} for view in VIEWS
+        )
         if image:
             best = min(image[name]["mae_mm"] for name in ("ray-segment", "delaunay"))
             yield _target(

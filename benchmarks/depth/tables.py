@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from benchmarks.common.page import table
+from benchmarks.common.page import table, without_about
 from eval.depth.tables import VIEWS
 from eval.text import number
 
@@ -21,11 +21,6 @@ def of_views(report: Mapping[str, Any]) -> str:
     return "\n".join(f"{title}:\n\n{table(HEADER, rows)}" for title, rows in tables if rows)
 
 
-def methods(report: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Names and figures of the methods in depth.json of a drive."""
-    return [(name, entry) for name, entry in report.items() if name != "about"]
-
-
 def _rows(report: Mapping[str, Any], view: str) -> list[Sequence[str]]:
     return [
         (
@@ -35,6 +30,6 @@ def _rows(report: Mapping[str, Any], view: str) -> list[Sequence[str]]:
             *(number(figures["at_80"][key], 0) for key in ("mae_mm", "rmse_mm")),
             number(100 * figures["at_80"]["worse_1m"], 2), number(entry["ms"], 1),
         )
-        for name, entry in methods(report)
+        for name, entry in without_about(report).items()
         if (figures := entry.get(view))
     ]  # fmt: skip

@@ -25,7 +25,7 @@ from benchmarks.enriched.tracks import Runner, apart, geometric_mean, rmse
 from eval.text import number
 from lidarlift.front_ends import front_end_for
 from slam.config import load_config
-from slam.data.cloud import Frame, PointCloud
+from slam.data.cloud import MEASURED_SIGMA, Frame, PointCloud
 from slam.data.dataset import Dataset, open_dataset
 from slam.front_end import FrontEnd, History
 from slam.settings import OdometrySettings
@@ -92,7 +92,8 @@ def measured(data: Dataset, phase: int, step: int) -> Row:
         return front_end_for(config.front_end, data)
 
     def unweighted(frame: Frame, history: History) -> PointCloud:
-        return replace(filled(frame, history), sigma=None)
+        cloud = filled(frame, history)
+        return replace(cloud, sigma=np.full(len(cloud), MEASURED_SIGMA))
 
     dense = run(front_end("64"), load_config(input="64").odometry)
     plain = {name: run(front_end("16"), OdometrySettings(**settings)) for name, settings in SIXTEEN.items()}

@@ -22,7 +22,7 @@ os.environ.update(ONE_THREAD)
 
 import numpy as np
 
-from benchmarks.common.page import surroundings, table, write_results
+from benchmarks.common.page import surroundings, table, without_about, write_results
 from benchmarks.common.script import add_results, command, parser, run_script
 from benchmarks.loops.places import THINNED, Drive, read_drive
 from slam.data import se3
@@ -178,7 +178,7 @@ def _passes(found: Verification, factor: float) -> bool:
 
 def page(found: Mapping[str, Any]) -> str:
     """`found` is the JSON file: the data sets by name, and "about"."""
-    about, results = found["about"], {name: variants for name, variants in found.items() if name != "about"}
+    about, results = found["about"], without_about(found)
     parts = [
         "# Loop verification\n",
         f"Candidates verified one by one. {about['cpu']}, one core, load average {about['load_average']}, "

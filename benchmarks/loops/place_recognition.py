@@ -21,7 +21,7 @@ os.environ.update(ONE_THREAD)
 
 from matplotlib.figure import Figure
 
-from benchmarks.common.page import surroundings, table, write_results
+from benchmarks.common.page import surroundings, table, without_about, write_results
 from benchmarks.common.pictures import plain, save
 from benchmarks.common.script import add_results, command, parser, run_script
 from benchmarks.loops.places import FAR, THINNED, Drive, Figures, cost, read_drive, recognise
@@ -80,7 +80,7 @@ def _measure(drive: Drive, thinning: str) -> dict[str, Figures]:
 
 def page(found: Mapping[str, Any]) -> str:
     """`found` is the JSON file: the data sets by name, and "about"."""
-    about, results = found["about"], {name: variants for name, variants in found.items() if name != "about"}
+    about, results = found["about"], without_about(found)
     parts = [
         "# Place recognition\n",
         f"Scan context alone, before any geometric verification. {about['cpu']}, one core, {about['date']}: "

@@ -39,7 +39,7 @@ class Drive:
     def revisits(self, min_travelled: float) -> Array:
         """(N,) bool."""
         older = self.travelled[:, None] - self.travelled >= min_travelled
-        return (older & (self.distances() < self.radius)).any(axis=1)
+        return np.asarray((older & (self.distances() < self.radius)).any(axis=1))
 
     def distances(self) -> Array:
         """True distances between keyframes (N, N) [m]."""
@@ -177,7 +177,7 @@ def _patched(place: int, clouds: Sequence[Array]) -> Array:
     for side in (1, -1):
         yaw = rng.uniform(-np.pi, np.pi)
         turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]], np.float32)
-        xyz = clouds[rng.integers(len(clouds))] @ turn
+        xyz = clouds[int(rng.integers(len(clouds)))] @ turn
         halves.append(xyz[side * xyz[:, 1] > 0])
     return np.concatenate(halves)
 

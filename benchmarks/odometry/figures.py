@@ -60,7 +60,7 @@ def _accuracy(trajectories: Sequence[Array], truth: Array | None, dense: Array |
     """Of the first repeat; `repeats_differ_m` is how far apart positions of the repeats lie at most."""
     first = trajectories[0]
     positions = np.array([poses[:, :3, 3] for poses in trajectories])
-    result = {
+    result: Figures = {
         "ate_m": None,
         "dense_m": None if dense is None else ate(orthonormal(first), orthonormal(dense))["rmse"],
         "path_length_m": path_length(first),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from benchmarks.common.page import table, verdict
+from benchmarks.common.page import table, verdict, without_about
 from benchmarks.odometry.names import CHANNELS, REFERENCE, SYSTEMS
 from eval.text import number
 
@@ -33,7 +33,7 @@ PROTOCOL = """\
 
 def page(found: Mapping[str, Any]) -> str:
     """`found` is the JSON file: the data sets by name, and "about"."""
-    about, results = found["about"], {name: systems for name, systems in found.items() if name != "about"}
+    about, results = found["about"], without_about(found)
     versions = ", ".join(f"{name} {text}" for name, text in about["versions"].items())
     parts = [
         "# Odometry\n",

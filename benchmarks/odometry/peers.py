@@ -7,6 +7,7 @@ vertical correction. KISS-ICP's own deskewing is off for that reason.
 from __future__ import annotations
 
 from collections import deque
+from typing import Any
 
 import numpy as np
 import small_gicp
@@ -94,7 +95,7 @@ class Gicp(Peer):
         self.target = source, tree
         return pose
 
-    def _ordered(self, source: small_gicp.PointCloud) -> tuple:
+    def _ordered(self, source: small_gicp.PointCloud) -> tuple[Any, ...]:
         assert self.target is not None
         return self.target[0], source, self.target[1]
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.common.page import table
+from benchmarks.common.page import table, without_about
 from benchmarks.common.pictures import plain, save
 from benchmarks.simulation.scan_figures import RANGES, RINGS
 from eval.text import number
@@ -31,7 +31,7 @@ NOTES = """\
 
 def page(found: Mapping[str, Any]) -> str:
     """`found` is the JSON file: the drives by name, and "about"."""
-    about, results = found["about"], {name: figures for name, figures in found.items() if name != "about"}
+    about, results = found["about"], without_about(found)
     versions = ", ".join(f"{name} {text}" for name, text in about["versions"].items())
     parts = [
         "# Realism\n",
@@ -63,35 +63,36 @@ def _looks(drives: list[Results]) -> list[tuple[str, ...]]:
     def percent(key: str) -> Callable[[Results], str]:
         return lambda drive: number(100 * drive[key], 1)
 
+    def share(span: int) -> Callable[[Results], str]:
+        return lambda drive: number(100 * drive["range_shares"][span], 1)
+
+    def spacing(span: int) -> Callable[[Results], str]:
+        return lambda drive: _millimetres([drive["spacing_m"][span]])
+
+    def mean(key: str, first: int) -> Callable[[Results], str]:
+        return lambda drive: _mean_of_rings(drive[key][first : first + RINGS])
+
+    groups = range(0, max(len(drive["ring_points"]) for drive in drives), RINGS)
     spans = [f"{near:g}-{far:g} m" if np.isfinite(far) else f"> {near:g} m" for near, far in pairwise(RANGES)]
     return [
         row("scans", lambda drive: str(drive["scans"])),
         row("points a scan", lambda drive: f"{drive['points']:.0f}"),
         row("5 % and 95 %", lambda drive: "{:.0f}-{:.0f}".format(*drive["points_5_95"])),
-        *(row(f"at {span} [%]", lambda drive, i=i: number(100 * drive["range_shares"][i], 1))
-          for i, span in enumerate(spans)),
-        *(row(f"returns of rings {first}-{first + RINGS - 1}", lambda drive, i=i: _ring_group(drive, "ring_points", i))
-          for i, first in enumerate(range(0, _most_rings(drives), RINGS))),
-        *(row(f"jumps of rings {first}-{first + RINGS - 1}", lambda drive, i=i: _ring_group(drive, "ring_jumps", i))
-          for i, first in enumerate(range(0, _most_rings(drives), RINGS))),
+        *(row(f"at {span} [%]", share(i)) for i, span in enumerate(spans)),
+        *(row(f"returns of rings {first}-{first + RINGS - 1}", mean("ring_points", first)) for first in groups),
+        *(row(f"jumps of rings {first}-{first + RINGS - 1}", mean("ring_jumps", first)) for first in groups),
         row("at a jump [%]", percent("jump_share")),
         row("hanging [%]", percent("hanging_share")),
         row("on the ground [%]", percent("ground_share")),
         row("flat cells, median and 90 % [mm]", lambda drive: _millimetres(drive["flat_m"])),
         row("upright cells, median and 90 % [mm]", lambda drive: _millimetres(drive["upright_m"])),
-        *(row(f"to the nearest point at {span} [mm]", lambda drive, i=i: _millimetres([drive["spacing_m"][i]]))
-          for i, span in enumerate(spans)),
+        *(row(f"to the nearest point at {span} [mm]", spacing(i)) for i, span in enumerate(spans)),
         row("reflectance 5, 25, 50, 75, 95 %", lambda drive: " ".join(f"{q:.2f}" for q in drive["reflectance"])),
         row("of reflectance 0 [%]", percent("dark_share")),
-    ]  # fmt: skip
+    ]
 
 
-def _most_rings(drives: list[Results]) -> int:
-    return max(len(drive["ring_points"]) for drive in drives)
-
-
-def _ring_group(drive: Results, key: str, group: int) -> str:
-    rings = drive[key][RINGS * group : RINGS * (group + 1)]
+def _mean_of_rings(rings: list[float]) -> str:
     return f"{np.mean(rings):.0f}" if rings else "-"
 
 
