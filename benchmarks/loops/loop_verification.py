@@ -24,7 +24,7 @@ import numpy as np
 
 from benchmarks.common.page import surroundings, table, without_about, write_results
 from benchmarks.common.script import add_results, command, parser, run_script
-from benchmarks.loops.places import THINNED, Drive, read_drive
+from benchmarks.loops.places import THINNED, RecordedKeyframes, read_drive
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.loops.scan_context import DEFAULT, ScanContext, levelled, submap
@@ -64,7 +64,7 @@ def main() -> None:
     write_results(options.results, "loop_verification", {"about": about, **results}, page)
 
 
-def _candidates(drive: Drive, rng: np.random.Generator) -> Iterator[Candidate]:
+def _candidates(drive: RecordedKeyframes, rng: np.random.Generator) -> Iterator[Candidate]:
     """Every revisit, then wrong ones: alike by scan context, 10 to 40 m further on the same street, at random."""
     distances, way = drive.distances(), drive.travelled
     older = way[:, None] - way >= DEFAULT.min_travelled
@@ -79,7 +79,7 @@ def _candidates(drive: Drive, rng: np.random.Generator) -> Iterator[Candidate]:
         yield "random", int(query), int(match), _at(drive, query, match, rng.normal(0, [1.5, 2, 2]), False)
 
 
-def _alike(drive: Drive, distances: Array) -> Iterator[Candidate]:
+def _alike(drive: RecordedKeyframes, distances: Array) -> Iterator[Candidate]:
     """Of the first 8 candidates of every second keyframe, the 350 most alike among those that are elsewhere."""
     places, found, way = ScanContext(), [], drive.travelled
     for k in range(len(drive.clouds)):
@@ -98,7 +98,7 @@ def _alike(drive: Drive, distances: Array) -> Iterator[Candidate]:
         )
 
 
-def _disturbed(drive: Drive, query: int, match: int, rng: np.random.Generator) -> Array:
+def _disturbed(drive: RecordedKeyframes, query: int, match: int, rng: np.random.Generator) -> Array:
     """The truth as a descriptor tells it: level, up to 4 m off, the yaw by 3 deg of rounding and 3 deg of noise."""
     heading, radius = rng.uniform(0, 2 * np.pi), 4 * np.sqrt(rng.uniform())
     yaw = np.deg2rad(rng.uniform(-3, 3) + rng.normal(0, 3))
@@ -107,7 +107,7 @@ def _disturbed(drive: Drive, query: int, match: int, rng: np.random.Generator) -
     return _at(drive, query, match, np.array([yaw, *move]), True)
 
 
-def _at(drive: Drive, query: int, match: int, yaw_x_y: Array, turned: bool) -> Array:
+def _at(drive: RecordedKeyframes, query: int, match: int, yaw_x_y: Array, turned: bool) -> Array:
     """A guess at that place of the match's level frame; `turned`: the true yaw is added."""
     truth = _level_truth(drive, query, match)
     yaw = yaw_x_y[0] + (np.arctan2(truth[1, 0], truth[0, 0]) if turned else 0.0)
@@ -116,22 +116,24 @@ def _at(drive: Drive, query: int, match: int, yaw_x_y: Array, turned: bool) -> A
     return _tilted(drive, query, match, pose)
 
 
-def _level_truth(drive: Drive, query: int, match: int) -> Array:
+def _level_truth(drive: RecordedKeyframes, query: int, match: int) -> Array:
     tilt_query, tilt_match = (se3.inverse(levelled(drive.odometry[k])) @ drive.odometry[k] for k in (query, match))
     return tilt_match @ _truth(drive, query, match) @ se3.inverse(tilt_query)
 
 
-def _tilted(drive: Drive, query: int, match: int, pose: Array) -> Array:
+def _tilted(drive: RecordedKeyframes, query: int, match: int, pose: Array) -> Array:
     """From the level frames, which descriptors know, to the sensors'."""
     tilt_query, tilt_match = (se3.inverse(levelled(drive.odometry[k])) @ drive.odometry[k] for k in (query, match))
     return se3.inverse(tilt_match) @ pose @ tilt_query
 
 
-def _truth(drive: Drive, query: int, match: int) -> Array:
+def _truth(drive: RecordedKeyframes, query: int, match: int) -> Array:
     return se3.inverse(drive.reference[match]) @ drive.reference[query]
 
 
-def _measure(drive: Drive, clouds: Sequence[Array], candidates: list[Candidate], name: str) -> dict[str, Any]:
+def _measure(
+    drive: RecordedKeyframes, clouds: Sequence[Array], candidates: list[Candidate], name: str
+) -> dict[str, Any]:
     way, nothing = drive.travelled, RangeImage.of(PointCloud(np.zeros((0, 3)), np.zeros(0)))
     keyframes = [
         Keyframe(k, drive.odometry[k], float(way[k]), PointCloud(xyz, np.zeros(len(xyz))), nothing)

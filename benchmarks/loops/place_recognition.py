@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from benchmarks.common.page import surroundings, table, without_about, write_results
 from benchmarks.common.pictures import plain, save
 from benchmarks.common.script import add_results, command, parser, run_script
-from benchmarks.loops.places import FAR, THINNED, Drive, Figures, cost, read_drive, recognise
+from benchmarks.loops.places import FAR, THINNED, Figures, RecordedKeyframes, cost, read_drive, recognise
 from slam.loops.scan_context import DEFAULT
 
 PACKAGES = ("numpy", "scipy", "numba")
@@ -64,7 +64,7 @@ def main() -> None:
     _draw(results, options.results / "place_recognition.png")
 
 
-def _measure(drive: Drive, thinning: str) -> dict[str, Figures]:
+def _measure(drive: RecordedKeyframes, thinning: str) -> dict[str, Figures]:
     inputs = {name: (drive.clouds, changes) for name, changes in VARIANTS.items()}
     thinned = THINNED[thinning](drive.clouds)
     inputs[thinning] = (thinned, {})

@@ -23,7 +23,7 @@ FAR = 10.0  # m: a candidate beyond is somewhere else; between the radius of a r
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class RecordedKeyframes:
     """Keyframes with odometry and reference, (N, 4, 4) each; a revisit comes within `radius` [m] of an older one."""
 
     clouds: Sequence[Array]
@@ -47,7 +47,7 @@ class Drive:
         return np.linalg.norm(position[:, None] - position, axis=2)
 
 
-def read_drive(folder: Path, radius: float) -> Drive:
+def read_drive(folder: Path, radius: float) -> RecordedKeyframes:
     """A folder with keyframes/*.bin (float32 x, y, z, reflectance), odometry_tum.txt and reference_tum.txt."""
     files = sorted((folder / "keyframes").glob("*.bin"))
     odometry, reference = (read_poses(folder / f"{name}_tum.txt")[1] for name in ("odometry", "reference"))
@@ -56,7 +56,7 @@ def read_drive(folder: Path, radius: float) -> Drive:
             f"{folder}: {len(files)} keyframes, {len(odometry)} and {len(reference)} poses; as many of each"
         )
     clouds = [np.fromfile(file, np.float32).reshape(-1, 4)[:, :3].copy() for file in files]
-    return Drive(clouds, odometry, reference, radius)
+    return RecordedKeyframes(clouds, odometry, reference, radius)
 
 
 def every_fourth_band(clouds: Sequence[Array]) -> list[Array]:
@@ -71,7 +71,7 @@ def random_half(clouds: Sequence[Array]) -> list[Array]:
 
 
 def recognise(
-    drive: Drive,
+    drive: RecordedKeyframes,
     clouds: Sequence[Array],
     settings: ScanContextSettings,
     exhaustive: bool = False,

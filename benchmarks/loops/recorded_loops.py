@@ -44,7 +44,7 @@ HEADER = (
 
 
 @dataclass(frozen=True)
-class Drive:
+class Recording:
     """A revisit comes within `near` [m] of a place more than `ago` before: metres of way, or clouds."""
 
     name: str
@@ -66,11 +66,11 @@ class Drive:
         return distances(reference) if self.in_metres else np.arange(len(reference))
 
 
-KITTI = Drive("KITTI 00", "kitti_00_keyframes", 4.0, 100.0, in_metres=True)
-NCLT = Drive("NCLT 2013-01-10", "nclt_20130110", 5.0, 100.0, in_metres=False)
+KITTI = Recording("KITTI 00", "kitti_00_keyframes", 4.0, 100.0, in_metres=True)
+NCLT = Recording("NCLT 2013-01-10", "nclt_20130110", 5.0, 100.0, in_metres=False)
 ANEW = "drift added, keyframes anew"
 #: What is run: the drive, a name, the settings that differ, and what is done to the data.
-RUNS: tuple[tuple[Drive, str, list[str], str], ...] = (
+RUNS: tuple[tuple[Recording, str, list[str], str], ...] = (
     (KITTI, "default", [], ""),
     (KITTI, "every cloud a keyframe", EVERY_CLOUD, ""),
     (NCLT, "default", [], ""),
@@ -105,7 +105,7 @@ def main() -> None:
     draw_detection(results, options.results / "recorded_loops.png")
 
 
-def measured(folder: Path, drive: Drive, overrides: list[str], change: str) -> dict[str, Any]:
+def measured(folder: Path, drive: Recording, overrides: list[str], change: str) -> dict[str, Any]:
     """Run the pipeline over the clouds with their recorded poses, and hold its loops against the reference."""
     data: Dataset = (HalfOfThePoints if change == "half" else UserFolder)(folder / "keyframes")
     _, reference = read_poses(folder / "reference_tum.txt")
@@ -135,7 +135,7 @@ def measured(folder: Path, drive: Drive, overrides: list[str], change: str) -> d
     return figures | what_loops_can_do(run, reference, clouds, drive) if change == "drift" else figures
 
 
-def what_loops_can_do(run: Run, reference: Array, clouds: list[int], drive: Drive) -> dict[str, Any]:
+def what_loops_can_do(run: Run, reference: Array, clouds: list[int], drive: Recording) -> dict[str, Any]:
     """The rms error [m] of each revisit as seen from the nearest of the earlier places, before and after loops."""
     earlier = [drive.nearest_earlier(reference, cloud) for cloud in clouds]
     seen = se3.inverse(reference[earlier]) @ reference[clouds]

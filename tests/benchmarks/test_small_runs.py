@@ -83,6 +83,8 @@ def test_a_street_driven_twice_is_recognised(street_scans: list[Array], street_p
     clouds = [scan[:, :3] for scan in street_scans[::2]]
     reference = np.concatenate([street_poses[::2], street_poses[::2]])
     settings = ScanContextSettings(min_travelled=5.0, submap_length=0.0)
-    found = places.recognise(places.Drive([*clouds, *clouds], reference, reference, 1.0), [*clouds, *clouds], settings)
+    found = places.recognise(
+        places.RecordedKeyframes([*clouds, *clouds], reference, reference, 1.0), [*clouds, *clouds], settings
+    )
     assert found["revisits"] == len(clouds)
     assert found["recall_top_1"] == 1
