@@ -144,7 +144,7 @@ def _simulated(town: Comparison) -> str:
 
 def _call(command: Path, *words: str) -> None:
     """Run one version; its failure ends the comparison with the last line that it said."""
-    print(command.parents[2].name, *words, file=sys.stderr)
+    print(command, *words, file=sys.stderr)
     done = subprocess.run([str(command), *words], capture_output=True, text=True, check=False)
     if done.returncode:
         said = done.stderr.strip() or "it said nothing"

@@ -53,6 +53,11 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], words: int = 1) 
     return "\n".join("| " + " | ".join(row) + " |" for row in (header, rule, *rows)) + "\n"
 
 
+def hundredfold(value: float | None, digits: int) -> str:
+    """A share in percent or metres in centimetres, with that many decimals."""
+    return number(None if value is None else 100 * value, digits)
+
+
 def verdict(value: float | None, relation: str, limit: float | None) -> str:
     """met or missed; a dash where there is nothing to compare."""
     if value is None or limit is None:

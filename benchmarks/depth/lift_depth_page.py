@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.common.page import table, target
+from benchmarks.common.page import hundredfold, table, target
 from benchmarks.depth.flying_pixels import COVERAGE, FRAMES, IN_THE_AIR, TOWN
 from benchmarks.depth.image_gain import JUMP, JUMP_SHARE, JUMPS, ROAD
 from benchmarks.depth.lift_time import BOTH, NETWORK, REPEATS, SCANS, WITH, WITHOUT
@@ -114,11 +114,8 @@ def _image_table(image: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
 
 
 def _flying_table(methods: Mapping[str, Mapping[str, Any]]) -> str:
-    def percent(share: float | None) -> str:
-        return number(None if share is None else 100 * share, 2)
-
     lines = [
-        (name, f"{figures['points']:,}", percent(figures["in_the_air"]), percent(figures["surest"]))
+        (name, f"{figures['points']:,}", hundredfold(figures["in_the_air"], 2), hundredfold(figures["surest"], 2))
         for name, figures in methods.items()
     ]
     return table(("points", "trusted", "in the air %", f"of the surest {100 * COVERAGE:.0f} %"), lines)

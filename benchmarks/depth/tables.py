@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from benchmarks.common.page import table, without_about
+from benchmarks.common.page import hundredfold, table, without_about
 from eval.depth.tables import VIEWS
 from eval.text import number
 
@@ -25,10 +25,10 @@ def _rows(report: Mapping[str, Any], view: str) -> list[Sequence[str]]:
     return [
         (
             name, *(number(figures[key], 0) for key in ("mae_mm", "rmse_mm", "median_mm")),
-            *(number(100 * figures[key], 1) for key in ("worse_0.3m", "worse_1m", "coverage")),
-            number(figures["ause_mm"], 0), number(100 * figures["calibration"], 1),
+            *(hundredfold(figures[key], 1) for key in ("worse_0.3m", "worse_1m", "coverage")),
+            number(figures["ause_mm"], 0), hundredfold(figures["calibration"], 1),
             *(number(figures["at_80"][key], 0) for key in ("mae_mm", "rmse_mm")),
-            number(100 * figures["at_80"]["worse_1m"], 2), number(entry["ms"], 1),
+            hundredfold(figures["at_80"]["worse_1m"], 2), number(entry["ms"], 1),
         )
         for name, entry in without_about(report).items()
         if (figures := entry.get(view))

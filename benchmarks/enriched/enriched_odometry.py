@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.common.cores import pin_to_one_core
-from benchmarks.common.page import surroundings, table, target, write_results
+from benchmarks.common.page import hundredfold, surroundings, table, target, write_results
 from benchmarks.common.script import add_results, parser, run_script
 from benchmarks.common.towns import CACHE, TOWNS, town
 from benchmarks.enriched.recipes import SIXTEEN
@@ -180,28 +180,25 @@ def scan_gain(row: Row) -> float:
 def page(found: Mapping[str, Any]) -> str:
     about, rows = found["about"], [Row(**row) for row in found["rows"]]
 
-    def centimetres(value: float | None) -> str:
-        return number(None if value is None else 100 * value, 2)
-
     def name(row: Row) -> tuple[str, str, str]:
         frames = "every" if row.step == 1 else "every 2nd"
         return row.drive, f"{row.phase}, {row.phase + 4}, ..", frames
 
     lines, truths = [], []
     for row, gain in zip(rows, gains(rows), strict=True):
-        plain = " / ".join(centimetres(row.to_64[recipe]) for recipe in SIXTEEN)
+        plain = " / ".join(hundredfold(row.to_64[recipe], 2) for recipe in SIXTEEN)
         scans = row.scan_to_scan
         lines.append(
             (
-                *name(row), plain, centimetres(row.to_64["enriched"]), number(gain, 2),
+                *name(row), plain, hundredfold(row.to_64["enriched"], 2), number(gain, 2),
                 f"{100 * (row.path_ratio - 1):+.2f}", str(row.failed),
-                centimetres(scans["16"]), centimetres(scans["enriched"]), number(scan_gain(row), 1),
+                hundredfold(scans["16"], 2), hundredfold(scans["enriched"], 2), number(scan_gain(row), 1),
             )
         )  # fmt: skip
         inputs = ("64", "16", "enriched")
         truths.append(
             (
-                *name(row), *(centimetres(row.ate.get(each)) for each in inputs),
+                *name(row), *(hundredfold(row.ate.get(each), 2) for each in inputs),
                 *(number(row.nees[each], 2) for each in inputs), number(row.front_end_ms, 1),
                 *(number(row.odometry_ms[each], 1) for each in (*inputs, "unweighted")),
             )

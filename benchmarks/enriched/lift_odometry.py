@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.common.cores import pin_to_one_core
-from benchmarks.common.page import surroundings, table, target, write_results
+from benchmarks.common.page import hundredfold, surroundings, table, target, write_results
 from benchmarks.common.script import add_results, parser, run_script
 from benchmarks.common.towns import CACHE, TOWNS, town
 from benchmarks.enriched.recipes import SIXTEEN
@@ -107,18 +107,15 @@ def targets(rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str, str]
 def page(found: Mapping[str, Any]) -> str:
     about, rows = found["about"], found["rows"]
 
-    def centimetres(value: float | None) -> str:
-        return number(None if value is None else 100 * value, 2)
-
     times = {name: gains(rows, name) for name in (SEGMENT, LIFT)}
     means = {name: number(geometric_mean(each), 2) for name, each in times.items()}
     lines, truths = [], []
     for row, segment, lift in zip(rows, times[SEGMENT], times[LIFT], strict=True):
-        distances = (centimetres(row["to_64"][name]) for name in (PLAIN, SEGMENT, LIFT))
+        distances = (hundredfold(row["to_64"][name], 2) for name in (PLAIN, SEGMENT, LIFT))
         lines.append(
             (row["drive"], row["weights"], *distances, number(segment, 2), number(lift, 2), str(row["failed"]))
         )
-        ates = (centimetres(row["ate"][name]) for name in INPUTS)
+        ates = (hundredfold(row["ate"][name], 2) for name in INPUTS)
         nees = (number(row["nees"][name], 2) for name in INPUTS)
         milliseconds = (number(row["front_end_ms"][name], 1) for name in (SEGMENT, LIFT))
         truths.append((row["drive"], *ates, *nees, *milliseconds))

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.common.page import surroundings, table, write_results
+from benchmarks.common.page import hundredfold, surroundings, table, write_results
 from benchmarks.common.script import add_results, parser, run_script
 from benchmarks.enriched.tracks import Runner, apart, front_ends
 from enrichment.methods.registry import make_methods, runnable
@@ -66,7 +66,7 @@ def page(found: Mapping[str, Any]) -> str:
     lines = [
         (
             row["drive"], row["input"], *(number(row["table_iii_m"][key], 3) for key in PAPER_ORDER),
-            number(100 * row["ate_m"], 2), number(100 * row["to_64_m"], 2), number(row["front_end_ms"], 1),
+            hundredfold(row["ate_m"], 2), hundredfold(row["to_64_m"], 2), number(row["front_end_ms"], 1),
         )
         for row in rows
     ]  # fmt: skip

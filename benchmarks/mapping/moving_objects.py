@@ -22,7 +22,7 @@ import numpy as np
 import open3d as o3d
 from scipy.spatial import cKDTree
 
-from benchmarks.common.page import surroundings, table, write_results
+from benchmarks.common.page import hundredfold, surroundings, table, write_results
 from benchmarks.common.script import add_results, command, parser, run_script
 from eval.text import number
 from slam.config import load_config
@@ -182,14 +182,12 @@ def _milliseconds(work: Callable[[], object]) -> float:
 def page(found: Mapping[str, Any]) -> str:
     about, results = found["about"], found["maps"]
 
-    def percent(value: float | None, digits: int = 1) -> str:
-        return number(None if value is None else 100 * value, digits)
-
     accuracy = table(
         ("drive", "channels", "poses", "voxels", "removed %", "moving %", "still %", "driven space %", "road %"),
         (
-            (row["drive"], row["channels"], row["poses"], str(row["voxels"]), percent(row["removed"]),
-             percent(row["moving"]), percent(row["still"], 3), percent(row["body"]), percent(row["road"], 3))
+            (row["drive"], row["channels"], row["poses"], str(row["voxels"]), hundredfold(row["removed"], 1),
+             hundredfold(row["moving"], 1), hundredfold(row["still"], 3), hundredfold(row["body"], 1),
+             hundredfold(row["road"], 3))
             for row in results
         ),
         words=3,

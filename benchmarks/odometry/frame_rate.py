@@ -25,10 +25,10 @@ from benchmarks.common.page import surroundings, write_results
 from benchmarks.common.script import add_results, command, parser, run_script
 from benchmarks.odometry.comparison import compare
 from benchmarks.odometry.drive_arguments import add_drives, as_slice
+from benchmarks.odometry.frame_rate_page import page
+from benchmarks.odometry.frame_rate_picture import draw
 from benchmarks.odometry.measure import UNCOUNTED
 from benchmarks.odometry.names import SYSTEMS
-from benchmarks.odometry.page import page
-from benchmarks.odometry.picture import draw
 
 PACKAGES = ("numpy", "numba", "kiss-icp", "small_gicp", "open3d")
 

@@ -1,4 +1,4 @@
-"""Who is compared on what. Imports nothing, so that it can be read before threads are told to stay away."""
+"""Which systems are compared, and on how many channels."""
 
 REFERENCE = "kiss-icp"  # what the others are held against
 OURS = {"ndt": None, "ndt-scan-to-scan": "scan-to-scan"}  # with their presets; the input's own comes on top

@@ -19,7 +19,7 @@ from benchmarks.odometry.figures import Figures, figures
 from benchmarks.odometry.measure import alternate, front_end
 from benchmarks.odometry.names import CHANNELS, REFERENCE
 from benchmarks.odometry.systems import build
-from benchmarks.simulation.page import draw, page
+from benchmarks.simulation.realism_page import draw, page
 from benchmarks.simulation.scan_figures import scan_figures
 from slam.data.dataset import Dataset, open_dataset
 

@@ -34,8 +34,8 @@ def test_odometry_beside_its_peers(street_drive: Street, tmp_path: Path) -> None
     pytest.importorskip("kiss_icp")
     pytest.importorskip("small_gicp")
     from benchmarks.odometry.comparison import compare
-    from benchmarks.odometry.page import page
-    from benchmarks.odometry.picture import draw
+    from benchmarks.odometry.frame_rate_page import page
+    from benchmarks.odometry.frame_rate_picture import draw
 
     drive, memory = street_drive(), {name: {"memory_mb": 2.0, "memory_before_first_scan_mb": 1.0} for name in SYSTEMS}
     name, entries, facts = compare(drive, slice(0, 7), 1, None, memory)

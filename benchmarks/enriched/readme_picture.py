@@ -1,6 +1,6 @@
 """The picture of the README: a simulated scan at 16 channels, enriched and at 64, from above.
 
-python -m benchmarks.enriched.picture [docs/enriched.png]
+python -m benchmarks.enriched.readme_picture [docs/enriched.png]
 """
 
 from __future__ import annotations
