@@ -1,1 +1,1 @@
-"""What is measured: lidarlift beside its peers and against exact truth; see README.md here. Not installed."""
+"""Measures lidarlift against its peers and against exact ground truth; README.md has the table. Not installed."""

@@ -1,1 +1,1 @@
-"""What the benchmarks share: arguments, errors, cores, results, tables, pictures and simulated drives."""
+"""Shared by all benchmarks: arguments, errors, cores, results, tables, pictures and simulated drives."""

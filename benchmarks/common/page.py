@@ -1,9 +1,10 @@
-"""Results as JSON and as a page made of it: where it was measured, tables, targets met and missed."""
+"""Results as JSON and as a page made from it: hardware and versions, tables, targets met and missed."""
 
 from __future__ import annotations
 
 import os
 import platform
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date
 from importlib.metadata import version
@@ -19,20 +20,31 @@ RELATIONS: dict[str, Callable[[float, float], bool]] = {">=": ge, "<=": le, "<":
 
 
 def write_results(folder: Path, name: str, found: Mapping[str, Any], page: Callable[[Mapping[str, Any]], str]) -> None:
-    """Write what was found as NAME.json, and the page made of it as NAME.md."""
+    """Write results as NAME.json and the page made from them as NAME.md.
+
+    Args:
+        folder: where to write.
+        name: of the two files; by convention the script's.
+        found: the results, which `page` gets too.
+        page: makes the Markdown text.
+
+    Raises:
+        InputError: where the folder cannot be written.
+    """
     write_json(folder / f"{name}.json", found)
     write_text(folder / f"{name}.md", page(found).strip() + "\n")
     print(f"wrote {name}.json and {name}.md in {folder}")
 
 
 def without_about(found: Mapping[str, Any]) -> dict[str, Any]:
-    """What was found by drive or method, where "about" stands beside these."""
+    """The entries of a results file that are drives or methods: all but "about"."""
     return {name: figures for name, figures in found.items() if name != "about"}
 
 
 def surroundings(packages: Iterable[str]) -> dict[str, Any]:
-    """Where and with what was measured: hardware, versions, date."""
+    """Where, when and with what was measured: hardware, versions, date and command."""
     return {
+        "command": _command(),
         "cpu": _cpu_model(),
         "cores": os.cpu_count(),
         "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30),
@@ -40,6 +52,19 @@ def surroundings(packages: Iterable[str]) -> dict[str, Any]:
         "date": date.today().isoformat(),
         "versions": {"python": platform.python_version()} | {name: version(name) for name in packages},
     }
+
+
+def _command() -> str:
+    """As it was typed, without this machine's folders and without --results."""
+    spec = sys.modules["__main__"].__spec__
+    words, typed = [f"python -m {spec.name}" if spec else Path(sys.argv[0]).name], iter(sys.argv[1:])
+    for word in typed:
+        if word == "--results":
+            next(typed)
+        elif not word.startswith("--results="):
+            name, equals, value = word.rpartition("=")
+            words.append(name + equals + (Path(value).name if Path(value).exists() else value))
+    return " ".join(words)
 
 
 def _cpu_model() -> str:

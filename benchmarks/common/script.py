@@ -1,11 +1,11 @@
-"""What every script does alike on the command line. Imports nothing that starts threads: see cores.py."""
+"""The command line of every script. Imports nothing that starts threads: see cores.py."""
 
 from __future__ import annotations
 
 import argparse
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 
 from slam.data.errors import InputError
@@ -26,11 +26,6 @@ def parser(doc: str | None) -> argparse.ArgumentParser:
 def add_results(arguments: argparse.ArgumentParser) -> None:
     """--results FOLDER."""
     arguments.add_argument("--results", type=Path, default=RESULTS, metavar="FOLDER", help="where to write")
-
-
-def command(program: str, paths: Iterable[Path]) -> str:
-    """What was typed, without this machine's folders."""
-    return " ".join(["python -m", program, *(path.name for path in paths)])
 
 
 def run_script(main: Callable[[], None]) -> None:

@@ -1,1 +1,1 @@
-"""Ranges that methods of enrichment predict, against rings held out."""
+"""Ranges predicted by enrichment methods, compared with held-out rings."""

@@ -87,7 +87,7 @@ def page(found: Mapping[str, Any]) -> str:
     return f"""# Depth
 
 {about["date"]}, {about["cpu"]}, one core.
-`python -m benchmarks.depth.depth_methods kitti_odometry_04 kitti_raw_0005 kitti_raw_0013`
+`{about["command"]}`
 
 * Every 4th ring from ring 0 is what a method sees; the returns of the other 48 are the answers, asked for on the
   calibrated line of their ring at the centre of their azimuth column, never in their own direction.

@@ -59,7 +59,8 @@ def page(found: Mapping[str, Any]) -> str:
     )
     return f"""# Lift adapted to a LiDAR and a place of its own
 
-{about["date"]}, {about["cpu"]}. `python -m benchmarks.depth.lift_adaptation OUT`
+{about["date"]}, {about["cpu"]}.
+`{about["command"]}`
 
 * The shipped weights know a LiDAR of 64 lines in streets, most often every 4th of these. Here they learn
   {found["steps"]} steps from {FRAMES} scans of a simulated tunnel, self-supervised: up to a third of the LiDAR's own

@@ -3,7 +3,7 @@
     python -m benchmarks.depth.lift_depth kitti_odometry_04 kitti_raw_0005 kitti_raw_0013 \\
         --held-out 0005=FOLDER --held-out 0013=FOLDER --image FOLDER FOLDER FOLDER --blind FOLDER FOLDER FOLDER
 
-beside these drives takes the town's loop (simulated with a camera, once, into the user's cache; another town than those
+also takes the town's loop (simulated with a camera, once, into the user's cache; another town than those
 trained in); writes lift_depth.md and .json in benchmarks/results. A held-out FOLDER has the weights of a training that
 left this drive out; those of --image and --blind, one a seed, are alike but for the image, which the blind ones never
 saw. 04 and 0005 have to be among the drives.

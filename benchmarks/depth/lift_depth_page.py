@@ -70,8 +70,7 @@ def page(found: Mapping[str, Any]) -> str:
     return f"""# Depth with Lift
 
 {about["date"]}, {about["cpu"]}, load average {about["load_average"]}; frames: one in {about["step"]}.
-`python -m benchmarks.depth.lift_depth kitti_odometry_04 kitti_raw_0005 kitti_raw_0013 --held-out 0005=FOLDER
---held-out 0013=FOLDER --image FOLDER FOLDER FOLDER --blind FOLDER FOLDER FOLDER`
+`{about["command"]}`
 
 {table(("target", "figure", "limit", "verdict"), targets(found))}
 Protocol and figures are those of [Depth](depth_methods.md). Every 4th ring from ring 0 is seen, of the {PAST} scans

@@ -1,1 +1,1 @@
-"""Odometry on enriched scans, against that on all 64 channels."""
+"""Odometry on enriched scans, compared with odometry on all 64 channels."""

@@ -2,7 +2,7 @@
 
     python -m benchmarks.enriched.enriched_odometry kitti_odometry_04 kitti_raw_0005 kitti_raw_0013
 
-beside these drives takes the town's loop, jam and straight (LiDAR only, simulated once into the user's cache); writes
+also takes the town's loop, jam and straight (LiDAR only, simulated once into the user's cache); writes
 enriched_odometry.md and .json in benchmarks/results.
 """
 
@@ -206,7 +206,7 @@ def page(found: Mapping[str, Any]) -> str:
     return f"""# Enriched odometry
 
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores, load average {about["load_average"]}.
-`python -m benchmarks.enriched.enriched_odometry kitti_odometry_04 kitti_raw_0005 kitti_raw_0013`
+`{about["command"]}`
 
 * Enriched: 16 of 64 rings, filled by ray-segment interpolation without training (preset channels-enriched). Distances
   are rmse of positions to the trajectory that our odometry gives on all 64 channels (default settings), after SE(3)

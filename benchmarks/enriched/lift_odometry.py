@@ -3,7 +3,7 @@
     python -m benchmarks.enriched.lift_odometry kitti_odometry_04 kitti_raw_0005 kitti_raw_0013 \\
         --held-out 0005=FOLDER --held-out 0013=FOLDER
 
-beside these drives takes the town's loop, jam and straight (simulated with a camera, once, into the user's cache; other
+also takes the town's loop, jam and straight (simulated with a camera, once, into the user's cache; other
 towns than those trained in); writes lift_odometry.md and .json in benchmarks/results. FOLDER has the weights of a
 training that left this drive out; other drives are driven with those that are shipped.
 """
@@ -121,8 +121,8 @@ def page(found: Mapping[str, Any]) -> str:
         truths.append((row["drive"], *ates, *nees, *milliseconds))
     return f"""# SLAM with Lift
 
-{about["date"]}, {about["cpu"]}, one core. `python -m benchmarks.enriched.lift_odometry kitti_odometry_04 kitti_raw_0005
-kitti_raw_0013 --held-out 0005=FOLDER --held-out 0013=FOLDER`
+{about["date"]}, {about["cpu"]}, one core.
+`{about["command"]}`
 
 * Every 4th ring from ring 0, filled in by ray-segment and by lift, which sees the camera's image too; both registered
   with the preset for enriched input. cm: rmse of positions to the trajectory that our odometry gives on all 64

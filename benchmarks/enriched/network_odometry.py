@@ -1,4 +1,4 @@
-"""The paper's Table III with its networks as the front end, beside plain 16 channels, ray-segment and 64.
+"""The paper's Table III with its networks as the front end, compared with plain 16 channels, ray-segment and 64.
 
     python -m benchmarks.enriched.network_odometry kitti_odometry_04 kitti_raw_0005
 
@@ -76,7 +76,7 @@ def page(found: Mapping[str, Any]) -> str:
     return f"""# The paper's Table III with its networks
 
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores.
-`python -m benchmarks.enriched.network_odometry kitti_odometry_04 kitti_raw_0005`
+`{about["command"]}`
 
 * RPE of the translation over consecutive frames after SE(3) Umeyama alignment, the definition of the paper's table
   (there over 30 pairs). It hardly sees drift, and at these values mostly the noise of the ground truth: ATE, and the

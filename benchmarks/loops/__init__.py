@@ -1,1 +1,1 @@
-"""Places recognised, loops verified and judged, and what they bring, on simulated and on real drives."""
+"""Place recognition, loop verification, the pose graph, and what loops gain, on simulated and on real drives."""

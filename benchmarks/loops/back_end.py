@@ -1,4 +1,4 @@
-"""The back end beside plain solvers, on pose graphs with false loops: which loops it keeps, accuracy, seconds.
+"""The back end compared with plain solvers on pose graphs with false loops: loops kept, accuracy, seconds.
 
     python -m benchmarks.loops.back_end DATA
 
@@ -180,7 +180,7 @@ def page(found: Mapping[str, Any]) -> str:
         f"{about['date']}, {about['cpu']}, {about['cores']} cores, {about['memory_gib']} GiB; "
         + ", ".join(f"{name} {text}" for name, text in versions.items())
         + ".\n",
-        "```\npython -m benchmarks.loops.back_end DATA\n```\n",
+        f"```\n{about['command']}\n```\n",
         EXPLAINED,
         table(("target", "figure", "limit", "verdict"), targets(found)),
         "",

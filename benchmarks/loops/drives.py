@@ -1,4 +1,4 @@
-"""Simulated drives that come back to where they were: the town's loop, and towns along KITTI 05, 06 and 07."""
+"""Simulated drives that come back to where they were: the town's loop, and towns along the paths of KITTI 05 to 07."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""KISS-SLAM (Guadagnino et al., 2025) beside lidarlift on simulated drives: ATE before and after loops, time.
+"""KISS-SLAM (Guadagnino et al., 2025) compared with lidarlift on simulated drives: ATE before and after loops, time.
 
     python -m venv FOLDER && FOLDER/bin/pip install kiss-slam pillow
     python -m benchmarks.loops.kiss_slam TRAJECTORIES FOLDER/bin/python
@@ -169,7 +169,7 @@ def page(found: Mapping[str, Any]) -> str:
     return f"""# KISS-SLAM
 
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores.
-`python -m benchmarks.loops.kiss_slam TRAJECTORIES PYTHON`
+`{about["command"]}`
 
 * The simulated drives of [Loops](simulated_loops.md), {SPACING} m between frames, exact truth, each system with its own
   odometry: no drift is added here. Both get the same scans: 64 channels, or 16 by every 4th ring.

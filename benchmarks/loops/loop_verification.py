@@ -23,7 +23,7 @@ os.environ.update(ONE_THREAD)
 import numpy as np
 
 from benchmarks.common.page import surroundings, table, without_about, write_results
-from benchmarks.common.script import add_results, command, parser, run_script
+from benchmarks.common.script import add_results, parser, run_script
 from benchmarks.loops.places import THINNED, RecordedKeyframes, read_drive
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
@@ -51,10 +51,7 @@ def main() -> None:
     if unknown := [str(folder) for folder in options.folders if folder.name not in RADII]:
         arguments.error(f"{', '.join(unknown)}: a folder named {' or '.join(RADII)} is expected")
     pin_to_one_core()
-    about = surroundings(PACKAGES) | {
-        "settings": VerificationSettings().model_dump(),
-        "command": command("benchmarks.loops.loop_verification", options.folders),
-    }
+    about = surroundings(PACKAGES) | {"settings": VerificationSettings().model_dump()}
     results: dict[str, dict[str, Any]] = {}
     for folder in options.folders:
         drive = read_drive(folder, RADII[folder.name])

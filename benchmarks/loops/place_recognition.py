@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.common.page import surroundings, table, without_about, write_results
 from benchmarks.common.pictures import plain, save
-from benchmarks.common.script import add_results, command, parser, run_script
+from benchmarks.common.script import add_results, parser, run_script
 from benchmarks.loops.places import FAR, THINNED, Figures, RecordedKeyframes, cost, read_drive, recognise
 from slam.loops.scan_context import DEFAULT
 
@@ -50,10 +50,7 @@ def main() -> None:
     add_results(arguments)
     options = arguments.parse_args()
     pin_to_one_core()
-    about = surroundings(PACKAGES) | {
-        "settings": DEFAULT.model_dump(),
-        "command": command("benchmarks.loops.place_recognition", options.folders),
-    }
+    about = surroundings(PACKAGES) | {"settings": DEFAULT.model_dump()}
     results: dict[str, dict[str, Figures]] = {}
     for folder in options.folders:
         radius, thinning = DATASETS[folder.name]

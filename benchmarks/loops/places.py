@@ -33,7 +33,7 @@ class RecordedKeyframes:
 
     @property
     def travelled(self) -> Array:
-        """[m] of way by the odometry, (N,)."""
+        """Distance travelled by the odometry, (N,) [m]."""
         return np.r_[0, np.cumsum(np.linalg.norm(np.diff(self.odometry[:, :3, 3], axis=0), axis=1))]
 
     def revisits(self, min_travelled: float) -> Array:
@@ -141,7 +141,7 @@ def _yaw_error(frames: Array, query: int, candidate: Candidate) -> float:
 
 
 def cost(clouds: Sequence[Array], settings: ScanContextSettings, counts: Sequence[int]) -> Figures:
-    """Among so many places, made of halves of the clouds: median time of a query and of an addition, and the
+    """Among `counts` places, made of halves of the clouds: median time of a query and of an addition, and the
     share of places visited again that the exhaustive search puts first, and that the preselected one does."""
     places, result = ScanContext(settings), {}
     for count in counts:
@@ -183,7 +183,7 @@ def _patched(place: int, clouds: Sequence[Array]) -> Array:
 
 
 def _seen_again(rng: np.random.Generator, xyz: Array) -> Array:
-    """Half of the points (N, 3), from up to 2 m beside, turned by any angle."""
+    """Half of the points (N, 3), seen from up to 2 m aside, turned by any angle."""
     aside = se3.exp(np.array([0, 0, rng.uniform(-np.pi, np.pi), *rng.uniform(-1.4, 1.4, 2), 0])).astype(np.float32)
     half = xyz[rng.random(len(xyz)) < 0.5]
     return half @ aside[:3, :3].T + aside[:3, 3]

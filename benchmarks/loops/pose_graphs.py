@@ -106,7 +106,7 @@ def grown(poses: int, seed: int) -> Case:
 
 
 def _revisits(truth: Array) -> list[tuple[int, int]]:
-    """At every 5th frame the nearest place that is more than 100 m of way ago, where it is within 4 m."""
+    """For every 5th frame the nearest place visited more than 100 m of path before, if it is within 4 m."""
     way, xyz, found = distances(truth), truth[:, :3, 3], []
     for j in range(0, len(truth), 5):
         apart = np.where(way[j] - way[:j] > 100, np.linalg.norm(xyz[:j] - xyz[j], axis=1), np.inf)

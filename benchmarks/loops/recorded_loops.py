@@ -45,7 +45,7 @@ HEADER = (
 
 @dataclass(frozen=True)
 class Recording:
-    """A revisit comes within `near` [m] of a place more than `ago` before: metres of way, or clouds."""
+    """A revisit comes within `near` [m] of a place visited more than `ago` before: metres of path, or clouds."""
 
     name: str
     folder: str
@@ -194,7 +194,7 @@ def page(found: Mapping[str, Any]) -> str:
     return f"""# Loops on real clouds
 
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores.
-`python -m benchmarks.loops.recorded_loops DATA`
+`{about["command"]}`
 
 * KITTI odometry 00, clouds 1.9 m apart (thinned to 6,400 points) with the poses of KISS-ICP's published run; NCLT
   2013-01-10, clouds 1 m apart (3,300 points) with a LiDAR-inertial odometry's poses. Everything behind the odometry is

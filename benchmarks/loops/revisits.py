@@ -33,7 +33,7 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
 def revisits(places: Array, since: Array, near: float, ago: float) -> list[int]:
     """Of places (K, 4, 4) those that come within `near` [m] of one more than `ago` before, by `since` (K,), rising.
 
-    `since` is the way [m] or simply the number.
+    `since` is the distance travelled [m] or the number of the place.
     """
     position = places[:, :3, 3]
     found = cKDTree(position).query_ball_point(position, near)
@@ -41,7 +41,7 @@ def revisits(places: Array, since: Array, near: float, ago: float) -> list[int]:
 
 
 def drifting(poses: Array) -> Array:
-    """With 1 % of the way and 1 degree per 100 m added, in a direction that is drawn once."""
+    """Poses with drift added: 1 % of the distance travelled and 1 degree per 100 m, in a direction drawn once."""
     rng = np.random.default_rng(5)
     axis, aside = rng.normal(size=3) * [0.3, 0.3, 1], rng.normal(size=3)
     turn, move = np.deg2rad(0.01) * axis / np.linalg.norm(axis), 0.01 * aside / np.linalg.norm(aside)
@@ -85,7 +85,7 @@ def loop_figures(run: Run, truth: Array, asked: Sequence[int], near: float) -> d
 
 
 def without_loops(run: Run) -> Array:
-    """Poses (N, 4, 4) by the graph's odometry alone: where keyframes were registered anew, what that brings."""
+    """Poses (N, 4, 4) by the graph's odometry alone; where keyframes are registered again, with what that gains."""
     mapping = run.mapping
     assert mapping is not None
     odometry = [edge for edge in mapping.graph.edges if edge.j == edge.i + 1]

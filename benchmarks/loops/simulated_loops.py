@@ -2,7 +2,7 @@
 
     python -m benchmarks.loops.simulated_loops TRAJECTORIES
 
-drives the town's loop and the ways of KITTI 05, 06 and 07 (TRAJECTORIES/kitti_05_ground_truth.txt ..), LiDAR only,
+drives the town's loop and the paths of KITTI 05, 06 and 07 (TRAJECTORIES/kitti_05_ground_truth.txt ..), LiDAR only,
 simulated once into the user's cache, at 64 and at 16 channels and with these enriched; writes simulated_loops.md, .json
 and .png (precision and recall) in benchmarks/results. Where the odometry is off by less than 0.5 m when it first comes
 back, seeded drift is added.
@@ -30,7 +30,7 @@ from slam.data import se3
 from slam.data.dataset import Dataset
 from slam.pipeline import Pipeline, compile_kernels
 
-NEAR, AGO = 4.0, 100.0  # m, and m of way: what is a revisit
+NEAR, AGO = 4.0, 100.0  # m, and m of path: what is a revisit
 BENT = "16, not anew"
 #: Inputs, and the settings that differ.
 INPUTS: dict[str, tuple[str, ...]] = {
@@ -111,7 +111,8 @@ def page(found: Mapping[str, Any]) -> str:
     ]  # fmt: skip
     return f"""# Loops
 
-{about["date"]}, {about["cpu"]}, {about["cores"]} cores. `python -m benchmarks.loops.simulated_loops TRAJECTORIES`
+{about["date"]}, {about["cpu"]}, {about["cores"]} cores.
+`{about["command"]}`
 
 * The town's loop and towns along the ways of KITTI 05, 06 and 07, {SPACING} m between frames, LiDAR only, exact truth.
 * ATE: rmse after SE(3) alignment, of all frames, before and after loops. Drift: where the odometry is off by less than

@@ -1,1 +1,1 @@
-"""The map and what moved in it."""
+"""The map, and the removal of moving objects from it."""

@@ -1,4 +1,4 @@
-"""The map without what moved: how much of the traffic goes, how much of the rest is lost, time and memory.
+"""Removal of moving objects from the map: share of traffic removed, share of the rest lost, time and memory.
 
     python -m benchmarks.mapping.moving_objects DRIVE [DRIVE ...]
 
@@ -23,7 +23,7 @@ import open3d as o3d
 from scipy.spatial import cKDTree
 
 from benchmarks.common.page import hundredfold, surroundings, table, write_results
-from benchmarks.common.script import add_results, command, parser, run_script
+from benchmarks.common.script import add_results, parser, run_script
 from eval.text import number
 from slam.config import load_config
 from slam.data.cloud import Array
@@ -42,7 +42,7 @@ CHANNELS = ("64", "16")
 HEIGHT = 1.73  # m of the LiDAR above the road, KITTI's and the simulated car's
 BODY = (0.4, 1.5)  # m above the road, and
 HALF_WIDTH = 0.8  # m: where the car itself drove through, nothing can have stood
-ROAD, BESIDE = 0.15, 3.0  # m: so near to the road's height, and at most so far beside the way, there is road
+ROAD, BESIDE = 0.15, 3.0  # m: within this of the road's height, and this far from the path, there is road
 MOVING, STILL = 0.3, 0.1  # m from what stands in the simulated town: further than one or nearer than the other
 
 NOTES = """
@@ -67,9 +67,7 @@ def main() -> None:
     )
     add_results(arguments)
     options = arguments.parse_args()
-    about = surroundings(("numpy", "numba")) | {
-        "command": command("benchmarks.mapping.moving_objects", options.datasets)
-    }
+    about = surroundings(("numpy", "numba"))
     maps = [mapped(path, channels, options.pictures) for path in options.datasets for channels in CHANNELS]
     write_results(options.results, "moving_objects", {"about": about, "maps": maps}, page)
 

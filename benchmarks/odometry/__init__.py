@@ -1,1 +1,1 @@
-"""The odometry beside its peers and beside the paper's own chain."""
+"""The odometry compared with its peers and with the paper's own chain."""

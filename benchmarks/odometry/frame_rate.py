@@ -1,4 +1,4 @@
-"""Odometry beside its peers on the same scans: speed, accuracy, memory.
+"""Odometry compared with its peers on the same scans: speed, accuracy, memory.
 
     python -m benchmarks.odometry.frame_rate DRIVE [DRIVE ...]
 
@@ -22,7 +22,7 @@ from benchmarks.common.cores import ONE_THREAD, pin_to_one_core
 os.environ.update(ONE_THREAD)
 
 from benchmarks.common.page import surroundings, write_results
-from benchmarks.common.script import add_results, command, parser, run_script
+from benchmarks.common.script import add_results, parser, run_script
 from benchmarks.odometry.comparison import compare
 from benchmarks.odometry.drive_arguments import add_drives, as_slice
 from benchmarks.odometry.frame_rate_page import page
@@ -35,12 +35,7 @@ PACKAGES = ("numpy", "numba", "kiss-icp", "small_gicp", "open3d")
 
 def main() -> None:
     arguments = _arguments()
-    about: dict[str, Any] = surroundings(PACKAGES) | {
-        "command": _command(arguments),
-        "datasets": {},
-        "repeats": arguments.repeats,
-        "uncounted": UNCOUNTED,
-    }
+    about = surroundings(PACKAGES) | {"datasets": {}, "repeats": arguments.repeats, "uncounted": UNCOUNTED}
     results: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder:
         alone = [_alone(path, arguments.frames, Path(folder) / f"{i}.npy") for i, path in enumerate(arguments.datasets)]
@@ -74,12 +69,6 @@ def _arguments() -> argparse.Namespace:
     arguments.add_argument("--repeats", type=int, default=3, metavar="N")
     add_results(arguments)
     return arguments.parse_args()
-
-
-def _command(arguments: argparse.Namespace) -> str:
-    frames = [] if arguments.frames == ":" else [f"--frames {arguments.frames}"]
-    repeats = [] if arguments.repeats == 3 else [f"--repeats {arguments.repeats}"]
-    return " ".join([command("benchmarks.odometry.frame_rate", arguments.datasets), *frames, *repeats])
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ Scan = tuple[PointCloud, float]
 
 @dataclass
 class Run:
-    """One system's way over a drive; `error` says at which scan and why it ended early."""
+    """One system's run over a drive; `error` says at which scan and why it ended early."""
 
     seconds: list[float] = field(default_factory=list)
     poses: list[Array] = field(default_factory=list)

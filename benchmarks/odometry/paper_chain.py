@@ -1,4 +1,4 @@
-"""The paper's own chain beside the defaults: the same drives, and the same evaluation, its Table III included.
+"""The paper's own chain compared with the defaults: same drives, same evaluation, its Table III included.
 
     python -m benchmarks.odometry.paper_chain DATASET... [--town FOLDER]
 
@@ -91,7 +91,7 @@ def page(found: Mapping[str, Any]) -> str:
     return f"""# The paper's chain
 
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores; {versions}.
-`python -m benchmarks.odometry.paper_chain DATASET...`
+`{about["command"]}`
 
 * `default`: NDT against a local map of Gaussians, every 4th ring. `paper`: configs/paper.yaml, the chain of Yue et al.:
   NDT from scan to scan; scan context of single scans as published, its first candidate; iSAM2; a dense map. Its 16

@@ -1,4 +1,4 @@
-"""The systems that lidarlift's odometry is measured beside, each with the settings its authors ship.
+"""The systems that lidarlift's odometry is compared with, each with the settings its authors ship.
 
 All take the same scans: deskewed by the same kernel from the system's own constant-velocity prediction, with the same
 vertical correction. KISS-ICP's own deskewing is off for that reason.

@@ -1,1 +1,1 @@
-"""Simulated drives against real ones."""
+"""Simulated drives compared with real ones."""

@@ -1,4 +1,4 @@
-"""Drives side by side, recorded and simulated: what their scans look like, and how odometries do on them.
+"""Recorded and simulated drives compared: statistics of their scans, and the error of odometries on them.
 
     python -m benchmarks.simulation.realism DRIVE [DRIVE ...]
 
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.common.page import surroundings, write_results
-from benchmarks.common.script import add_results, command, parser, run_script
+from benchmarks.common.script import add_results, parser, run_script
 from benchmarks.odometry.figures import Figures, figures
 from benchmarks.odometry.measure import alternate, front_end
 from benchmarks.odometry.names import CHANNELS, REFERENCE
@@ -33,15 +33,13 @@ def main() -> None:
     add_results(arguments)
     options = arguments.parse_args()
     results = {path.name: drive_figures(path, options.scans) for path in options.datasets}
-    about = surroundings(("numpy", "kiss-icp")) | {
-        "command": command("benchmarks.simulation.realism", options.datasets)
-    }
+    about = surroundings(("numpy", "kiss-icp"))
     write_results(options.results, "realism", {"about": about, **results}, page)
     draw(results, options.results / "realism.png")
 
 
 def drive_figures(path: Path, scans: int) -> Figures:
-    """How the drive's scans look, and how each system does on them."""
+    """Statistics of the drive's scans, and the figures of each odometry on them."""
     dataset = open_dataset(path)
     print(f"{path.name}: {scans} of {len(dataset)} scans, then the odometries", file=sys.stderr)
     return {"scans": scan_figures(dataset, scans), "odometry": _odometries(dataset)}

@@ -1,4 +1,4 @@
-"""What scans look like: figures that tell a simulated drive from a recorded one."""
+"""Statistics of scans that distinguish a simulated drive from a recorded one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from slam.pipeline import sweep_duration
 RANGES = (0.0, 5.0, 10.0, 20.0, 40.0, 80.0, np.inf)  # m
 RINGS = 8  # rings that are taken together
 CELL, CELL_POINTS, FLATNESS = 1.0, 20, 0.3  # m; a cell is a plane if its least spread is below that part of the next
-GROUND = 0.25  # m beside the plane of the ground
+GROUND = 0.25  # m above or below the plane of the ground
 JUMP, NEIGHBOURS = 1.0, np.deg2rad(0.5)  # m; two points of a ring farther apart than that are no neighbours
 BETWEEN = 0.3  # m between a point at an edge and each of its neighbours, for it to hang in the air
 
@@ -26,7 +26,7 @@ Figures = dict[str, Any]
 
 
 def scan_figures(dataset: Dataset, scans: int) -> Figures:
-    """Means over so many scans, evenly spread over the drive; scans without rings are left out."""
+    """Means over `scans` scans, evenly spread over the drive; scans without rings are left out."""
     if dataset.sensor is None:
         raise InputError(f"{dataset.path}: which LiDAR was it? Say so in a sensor.yaml beside the scans")
     positions = np.unique(np.linspace(0, len(dataset) - 1, scans).astype(int))

@@ -1,1 +1,1 @@
-"""How the shipped weights are trained, and what trainings are compared by."""
+"""Training of the shipped weights and of those for cross-validation."""

@@ -64,7 +64,8 @@ def page(found: Mapping[str, Any]) -> str:
     options = " ".join(HALF.options)
     return f"""# The paper's networks, from three seeds
 
-{about["date"]}, {about["cpu"]}. `python -m benchmarks.weights.network_seeds OUT`
+{about["date"]}, {about["cpu"]}.
+`{about["command"]}`
 
 * Each {found["steps"]} steps ({options}, at scale {HALF.scale:g}) on drive 0013,
   single frames of KITTI odometry and stereo 2015, and three simulated towns; figures on 12 frames of KITTI odometry 07,

@@ -4,8 +4,8 @@
     python -m benchmarks.weights.train_lift DATA OUT --only lift
 
 DATA is the folder with kitti_raw_0005 and the others below, unpacked; towns are simulated. OUT gets a folder for each:
-lift, without-0005, without-0013, seed-K and seed-K-blind, whose drives have no images. A broken-off training goes on
-when started again. KITTI odometry 04 is for tests alone. docs/lift.md tells how the shipped weights were made.
+lift, without-0005, without-0013, seed-K and seed-K-blind, whose drives have no images. An interrupted training is
+resumed when started again. KITTI odometry 04 is for tests alone. docs/lift.md tells how the shipped weights were made.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def in_stages(out: Path, drives: Sequence[Path]) -> None:
 
 
 def without_images(path: Path, out: Path) -> Path:
-    """The same drive, of links; a raw drive's calibration lies beside it, a sequence's poses above."""
+    """The same drive as symbolic links, without images; with a raw drive's calibration and a sequence's poses."""
     up = 2 if path.parent.name == "sequences" else 1
     copy = out / path.parents[up - 1].relative_to(path.anchor)
     if not copy.exists():

@@ -5,9 +5,10 @@
 
 DATA is the folder with kitti_raw_0013 and the others below, unpacked; towns are simulated. A network learns in two
 stages: OUT/squared with the paper's own loss, and from there, with an absolute error beside it, OUT/absolute.
-The shipped weights were made so by and by, as their cards tell. A broken-off training goes on when started again; in
-the background:
-nohup python -m benchmarks.weights.train_networks DATA OUT > train.log 2>&1 &
+Their cards tell how the shipped weights were made. An interrupted training is resumed when started again; in the
+background:
+
+    nohup python -m benchmarks.weights.train_networks DATA OUT > train.log 2>&1 &
 
 Raw drives first get poses from our own odometry: with them neighbouring scans agree better with the scan itself than
 with OXTS (0005: 95 % of the depths within 1.7 instead of 3.2 %). KITTI odometry 04 and raw 0005 are for tests alone.
@@ -80,7 +81,7 @@ def main() -> None:
 
 
 def train(model: str, training: Sequence[Path], validation: Path, out: Path, size: Size) -> None:
-    """One network through all stages, from where it was broken off."""
+    """One network through all stages; an interrupted training is resumed."""
     start: tuple[object, ...] = ()
     for stage, (steps, rate) in zip(STAGES, size.stages[model], strict=True):
         folder = out / stage / model

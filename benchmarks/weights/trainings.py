@@ -1,4 +1,4 @@
-"""Trainings by the command line, each in a process of its own, from where it was broken off."""
+"""Trainings by the command line, each in a process of its own; an interrupted one is resumed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TOWN_FRAMES = 40
 
 
 def learn(model: str, data: Iterable[Path], out: Path, *options: object, start: Sequence[object] = ()) -> None:
-    """`lidarlift train`, from where it was broken off, else with the options of `start`."""
+    """`lidarlift train`: an interrupted training is resumed, a new one gets the options of `start` too."""
     resumed = (out / CHECKPOINT).exists()
     lidarlift("train", model, *data, "--out", out, *options, *(("--resume",) if resumed else start))
 

@@ -42,3 +42,16 @@ def test_a_folder_without_a_drive_is_one_line(tmp_path: Path, monkeypatch: pytes
         run_script(main)
     assert str(ended.value.code).startswith(f"error: {tmp_path / 'none'}: ")
     assert "\n" not in str(ended.value.code)
+
+
+def test_the_command_is_told_without_this_machines_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from benchmarks.common.page import surroundings
+
+    drive = tmp_path / "04"
+    drive.mkdir()
+    typed = ["script", str(drive), f"--held-out=0005={drive}", "--results", str(tmp_path), "--step", "2"]
+    monkeypatch.setattr(sys, "argv", typed)
+    about = surroundings(("numpy",))
+    assert about["command"].endswith(" 04 --held-out=0005=04 --step 2")
+    assert str(tmp_path) not in str(about)
+    assert set(about["versions"]) == {"python", "numpy"}
