@@ -26,7 +26,7 @@ lint: setup ## check style, types and the import contract
 
 benchmark: setup ## measure beside the peers: make benchmark DATASETS="DRIVE [DRIVE ...]"
 	@test -n "$(DATASETS)" || { echo 'Which drives? make benchmark DATASETS="path/to/drive ..."' >&2; exit 2; }
-	@$(BIN)/python benchmarks/odometry.py $(DATASETS)
+	@$(BIN)/python -m benchmarks.odometry.frame_rate $(DATASETS)
 
 clean: ## remove .venv and what builds and tools left
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

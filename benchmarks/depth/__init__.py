@@ -1,0 +1,1 @@
+"""Ranges predicted by enrichment methods, compared with held-out rings."""

@@ -1,0 +1,1 @@
+"""Odometry on enriched scans, compared with odometry on all 64 channels."""

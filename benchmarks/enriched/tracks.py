@@ -1,0 +1,112 @@
+"""Odometry over a drive, and how it is judged: distances, and whether its covariance is true."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from enrichment.enricher import Enricher
+from enrichment.geometry.sparse_scan import Method
+from eval.evaluation import evaluate_poses
+from slam.config import load_config
+from slam.data import se3
+from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.dataset import Dataset
+from slam.front_end import FrontEnd, RingFrontEnd
+from slam.odometry import Odometry, OdometryStep
+from slam.pipeline import HISTORY, sweep_duration
+from slam.settings import OdometrySettings
+
+START = 5  # frames whose motion does not count for NEES: the first maps
+
+
+def front_ends(data: Dataset, methods: Mapping[str, Method]) -> dict[str, tuple[FrontEnd, OdometrySettings]]:
+    """For 64 channels, for 16, and for these filled in by each method, each with the settings of its preset."""
+    assert data.sensor is not None
+    sparse = RingFrontEnd(load_config(input="16").front_end, data.sensor)
+    made: dict[str, tuple[FrontEnd, str]] = {
+        "64": (RingFrontEnd(load_config().front_end, data.sensor), "64"),
+        "16": (sparse, "16"),
+    }
+    for name, method in methods.items():
+        made[name] = Enricher(sparse, method, *sparse.lines(), data.sensor), "enriched"
+    return {name: (front_end, load_config(input=channels).odometry) for name, (front_end, channels) in made.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One odometry over a drive: poses (N, 4, 4), median milliseconds a frame, NEES per degree of freedom."""
+
+    poses: Array
+    failed: int
+    front_end_ms: float
+    milliseconds: float
+    nees: float | None
+
+    @property
+    def length(self) -> float:
+        return float(np.linalg.norm(np.diff(self.poses[:, :3, 3], axis=0), axis=1).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Runner:
+    """Odometry over a drive's frames; `truth` (N, 4, 4) where it is exact enough to judge covariances by."""
+
+    data: Dataset
+    frames: Sequence[Frame]
+    truth: Array | None
+
+    def __call__(self, front_end: FrontEnd, settings: OdometrySettings) -> Track:
+        """The front end is shown the past, as while driving."""
+        angle = self.data.sensor.vertical_correction if self.data.sensor else 0.0
+        odometry = Odometry(settings, sweep_duration=sweep_duration(self.data), vertical_correction=angle)
+        past: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
+        steps: list[OdometryStep] = []
+        clocks = []
+        for frame in self.frames:
+            now_world = se3.inverse(odometry.predict(frame.stamp))
+            clock = [perf_counter()]
+            cloud = front_end(frame, [(then, now_world @ pose) for then, pose in past])
+            clock.append(perf_counter())
+            steps.append(odometry.register(cloud, frame.stamp))
+            clock.append(perf_counter())
+            past.append((cloud, steps[-1].pose))
+            clocks.append(np.diff(clock))
+        front_end_ms, milliseconds = 1e3 * np.median(clocks, axis=0)
+        return Track(
+            poses=np.array([step.pose for step in steps]),
+            failed=sum(step.status == "failed" for step in steps),
+            front_end_ms=float(front_end_ms),
+            milliseconds=float(milliseconds),
+            nees=None if self.truth is None else nees(steps, self.truth),
+        )
+
+
+def nees(steps: Sequence[OdometryStep], truth: Array) -> float:
+    """Normalised estimation error squared of the motion from frame to frame, mean, per degree of freedom (Bar-Shalom
+    et al., Estimation with Applications to Tracking and Navigation, 5.4.2): 1 where covariances are true."""
+    poses = np.array([step.pose for step in steps])
+    motion, true_motion = (se3.inverse(path[:-1]) @ path[1:] for path in (poses, truth))
+    values = []
+    for step, found, true in list(zip(steps[1:], motion, true_motion, strict=True))[START:]:
+        error = se3.log(se3.inverse(found) @ true)
+        values.append(error @ np.linalg.solve(step.covariance, error) / 6)
+    return float(np.mean(values))
+
+
+def apart(track: Track, reference: Track) -> float:
+    return rmse(track.poses, reference.poses)
+
+
+def rmse(poses: Array, reference: Array) -> float:
+    """After SE(3) alignment, metres."""
+    return evaluate_poses(poses, reference).ate.aligned.rmse
+
+
+def geometric_mean(values: Sequence[float]) -> float | None:
+    """None of nothing."""
+    return float(np.exp(np.mean(np.log(values)))) if values else None

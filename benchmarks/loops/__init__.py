@@ -1,0 +1,1 @@
+"""Place recognition, loop verification, the pose graph, and what loops gain, on simulated and on real drives."""

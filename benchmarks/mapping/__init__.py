@@ -1,0 +1,1 @@
+"""The map, and the removal of moving objects from it."""

@@ -1,6 +1,0 @@
-"""Who is compared on what. Imports nothing, so that it can be read before threads are told to stay away."""
-
-REFERENCE = "kiss-icp"  # what the others are held against
-OURS = {"ndt": None, "ndt-scan-to-scan": "scan-to-scan"}  # with their presets; the input's own comes on top
-SYSTEMS = (*OURS, REFERENCE, "vgicp", "gicp", "point-to-plane")
-CHANNELS = ("64", "16")

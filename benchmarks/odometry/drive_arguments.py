@@ -1,0 +1,31 @@
+"""Drives and their frames on the command line."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add_drives(parser: argparse.ArgumentParser) -> None:
+    """DRIVE [DRIVE ...] and --frames A:B."""
+    parser.add_argument("datasets", nargs="+", type=_folder, metavar="DRIVE", help="folder of a drive")
+    parser.add_argument("--frames", type=_frames, default=":", metavar="A:B", help="only these, as in Python's slices")
+
+
+def as_slice(text: str) -> slice:
+    """A:B as a slice."""
+    return slice(*(int(part) if part else None for part in text.split(":", 1)))
+
+
+def _folder(text: str) -> Path:
+    if not Path(text).is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: no such folder")
+    return Path(text)
+
+
+def _frames(text: str) -> str:
+    try:
+        as_slice(text)
+    except (ValueError, TypeError) as error:
+        raise argparse.ArgumentTypeError(f"{text}: write A:B, as in 0:50") from error
+    return text

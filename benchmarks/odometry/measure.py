@@ -1,0 +1,86 @@
+"""Systems taking turns on the same scans, with a clock on each."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import numpy as np
+
+from benchmarks.odometry.names import CHANNELS, SYSTEMS
+from benchmarks.odometry.systems import System, build
+from slam.config import load_config
+from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.dataset import Dataset
+from slam.front_end import RingFrontEnd
+
+UNCOUNTED = 5  # frames at the start whose time does not count: first maps, imports, start-up search
+WARM_UP = 4  # frames before all measurement, for jit compilers and lazy imports
+
+Scan = tuple[PointCloud, float]
+
+
+@dataclass
+class Run:
+    """One system's run over a drive; `error` says at which scan and why it ended early."""
+
+    seconds: list[float] = field(default_factory=list)
+    poses: list[Array] = field(default_factory=list)
+    failed_frames: int | None = None
+    error: str | None = None
+
+    def step(self, system: System, scan: Scan) -> None:
+        """The next scan, timed from cloud to pose."""
+        start = perf_counter()
+        try:
+            pose = system.register(*scan)
+            self.seconds.append(perf_counter() - start)
+            if not np.isfinite(pose).all():
+                raise FloatingPointError("the pose is not finite")
+            self.poses.append(pose)
+        except Exception as error:  # whatever a peer may raise: the others go on
+            reason = " ".join(str(error).split()) or "no reason given"
+            self.error = f"scan {len(self.poses)}: {type(error).__name__}: {reason}"
+        self.failed_frames = system.failed_frames
+
+
+def front_end(dataset: Dataset, frames: Sequence[Frame], channels: str) -> list[Scan]:
+    """The clouds that all systems are fed, with their stamps [s]."""
+    rings = RingFrontEnd(load_config(input=channels).front_end, dataset.sensor)
+    return [(rings(frame, ()), frame.stamp) for frame in frames]
+
+
+def alternate(systems: Mapping[str, System], scans: Sequence[Scan]) -> dict[str, Run]:
+    """Scan i goes to each system in turn before scan i + 1 does; who begins changes from scan to scan."""
+    names, runs = list(systems), {name: Run() for name in systems}
+    for i, scan in enumerate(scans):
+        first = i % len(names)
+        for name in names[first:] + names[:first]:
+            if runs[name].error is None:
+                runs[name].step(systems[name], scan)
+    return runs
+
+
+def warm_up(dataset: Dataset, frames: Sequence[Frame]) -> None:
+    """Compile and import everything that is done lazily."""
+    for channels in CHANNELS:
+        alternate(
+            {name: build(name, channels, dataset) for name in SYSTEMS}, front_end(dataset, frames[:WARM_UP], channels)
+        )
+
+
+def measure(dataset: Dataset, frames: Sequence[Frame], channels: str, repeats: int) -> dict[str, list[Run]]:
+    """By system its runs, each repeat with fresh systems."""
+    scans = front_end(dataset, frames, channels)
+    runs: dict[str, list[Run]] = {name: [] for name in SYSTEMS}
+    for repeat in range(repeats):
+        start = perf_counter()
+        gc.collect()
+        for name, run in alternate({name: build(name, channels, dataset) for name in SYSTEMS}, scans).items():
+            runs[name].append(run)
+        took = perf_counter() - start
+        print(f"{dataset.name}: {channels} channels, repeat {repeat + 1} of {repeats}: {took:.0f} s", file=sys.stderr)
+    return runs

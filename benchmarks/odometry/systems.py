@@ -1,0 +1,64 @@
+"""The systems that are compared, behind one call: a scan and its stamp in, a pose out."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from benchmarks.odometry.names import OURS
+from slam.config import load_config
+from slam.data.cloud import Array, PointCloud
+from slam.data.dataset import Dataset
+from slam.odometry import Odometry
+from slam.pipeline import sweep_duration
+from slam.settings import Config
+
+
+class System(Protocol):
+    """An odometry from constant velocity; `failed_frames` counts predictions kept, None where a system does not say."""
+
+    @property
+    def failed_frames(self) -> int | None: ...
+    def register(self, cloud: PointCloud, stamp: float) -> Array: ...
+
+
+class Ours:
+    """lidarlift's odometry as `lidarlift run` sets it up."""
+
+    def __init__(self, config: Config, dataset: Dataset) -> None:
+        self._odometry = Odometry(
+            config.odometry, sweep_duration=sweep_duration(dataset), vertical_correction=vertical_correction(dataset)
+        )
+        self.failed_frames = 0
+
+    def register(self, cloud: PointCloud, stamp: float) -> Array:
+        step = self._odometry.register(cloud, stamp)
+        self.failed_frames += step.status == "failed"
+        return step.pose
+
+
+class Theirs:
+    """One of peers.py, on one thread."""
+
+    failed_frames = None
+
+    def __init__(self, name: str, dataset: Dataset) -> None:
+        from benchmarks.odometry import peers  # here: the memory of ours is measured without them
+
+        kinds = {"kiss-icp": peers.Kiss, "vgicp": peers.VoxelizedGicp, "gicp": peers.Gicp}
+        self._peer = kinds.get(name, peers.PointToPlane)(vertical_correction(dataset), threads=1)
+
+    def register(self, cloud: PointCloud, stamp: float) -> Array:
+        del stamp  # the peers take scans to be evenly spaced
+        return self._peer.register(cloud)
+
+
+def build(name: str, channels: str, dataset: Dataset) -> System:
+    """A fresh system of that name for `channels` of the data set's sensor."""
+    if name in OURS:
+        return Ours(load_config(OURS[name], input=channels), dataset)
+    return Theirs(name, dataset)
+
+
+def vertical_correction(dataset: Dataset) -> float:
+    """Of the data set's sensor [rad]."""
+    return dataset.sensor.vertical_correction if dataset.sensor else 0.0

@@ -1,0 +1,1 @@
+"""Simulated drives compared with real ones."""

@@ -1,0 +1,1 @@
+"""Training of the shipped weights and of those for cross-validation."""

@@ -1,0 +1,42 @@
+"""The committed pages are those that the scripts make of the committed figures."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from benchmarks.common.page import write_results
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+RESULTS = BENCHMARKS / "results"
+NAMES = sorted(path.stem for path in RESULTS.glob("*.md") if path.stem != "same_bytes")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_is_what_its_script_makes_of_the_figures(name: str, tmp_path: Path) -> None:
+    (script,) = BENCHMARKS.glob(f"*/{name}.py")
+    module = importlib.import_module(f"benchmarks.{script.parent.name}.{name}")
+    found = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+    write_results(tmp_path, name, found, module.page)
+    made = (tmp_path / f"{name}.md").read_text(encoding="utf-8")
+    assert made == (RESULTS / f"{name}.md").read_text(encoding="utf-8")
+    assert json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8")) == found
+
+
+@pytest.mark.parametrize("page", [BENCHMARKS / "README.md", *(RESULTS / f"{name}.md" for name in NAMES)])
+def test_links_lead_somewhere(page: Path) -> None:
+    for link in re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8")):
+        assert (page.parent / link).is_file(), link
+
+
+def test_the_table_has_every_page_and_its_command() -> None:
+    table = (BENCHMARKS / "README.md").read_text(encoding="utf-8")
+    for name in NAMES:
+        (script,) = BENCHMARKS.glob(f"*/{name}.py")
+        assert f"(results/{name}.md)" in table
+        assert f"`{script.parent.name}.{name} " in table
+    assert len(table.splitlines()) <= 120
