@@ -33,10 +33,11 @@ def test_who_predicts_the_recorded_ranges_makes_no_error(dense: PointCloud, grid
     held = hold_out(frame(dense), grid)
     ranges = np.zeros(grid.shape, np.float32)
     ranges[dense.ring, grid.column_of(dense.xyz)] = grid.range_of(dense.xyz, dense.ring)
-    predicted, sigma, trusted = held.answers(Prediction(ranges, ranges / 100, ranges > 10))
-    np.testing.assert_array_equal(predicted, held.ranges)
-    np.testing.assert_array_equal(sigma, held.ranges / 100)
-    np.testing.assert_array_equal(trusted, held.ranges > 10)
+    to_the_left = np.tile(grid.azimuth > 0, (len(ranges), 1))
+    predicted, sigma, trusted = held.answers(Prediction(ranges, ranges / 100, to_the_left))
+    np.testing.assert_allclose(predicted, held.ranges, rtol=1e-6)
+    np.testing.assert_allclose(sigma, held.ranges / 100, rtol=1e-6)
+    np.testing.assert_array_equal(trusted, grid.azimuth[held.column] > 0)
 
 
 def test_a_ray_is_a_line_and_a_column_whatever_the_return(dense: PointCloud, grid: RayGrid) -> None:

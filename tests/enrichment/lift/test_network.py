@@ -63,8 +63,8 @@ def test_a_turn_of_the_lidar_turns_the_answer(turn: int) -> None:
         one = network(rings, upper, rays, candidates)
         other = network(rings.roll(turn, -1), upper, rays.roll(turn, -1), candidates.roll(turn, -1))
     known = rays[:, Ray.KNOWN] > 0
-    torch.testing.assert_close(one.ranges[known], other.ranges.roll(-turn, -1)[known])
-    torch.testing.assert_close(one.scale[known], other.scale.roll(-turn, -1)[known])
+    torch.testing.assert_close(one.ranges[known], other.ranges.roll(-turn, -1)[known], rtol=1e-3, atol=0)
+    torch.testing.assert_close(one.scale[known], other.scale.roll(-turn, -1)[known], rtol=1e-3, atol=1e-3)
 
 
 def test_onnx_computes_what_torch_does_for_any_lidar(tmp_path: Path) -> None:

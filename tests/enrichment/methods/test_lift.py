@@ -56,8 +56,8 @@ def test_rings_held_out_are_asked_for_alone(
     scan, rows = sparse(), np.array([5, 6, 30])
     lines = replace(grid.sensor, elevation=grid.sensor.elevation[rows], offset=grid.sensor.offset[rows])
     few, all_of_them = method(scan, RayGrid(lines)), method(scan, grid)
-    np.testing.assert_allclose(few.ranges, all_of_them.ranges[rows], rtol=1e-5)
-    np.testing.assert_allclose(few.sigma, all_of_them.sigma[rows], rtol=1e-4)
+    np.testing.assert_allclose(few.ranges, all_of_them.ranges[rows], rtol=1e-3)
+    np.testing.assert_allclose(few.sigma, all_of_them.sigma[rows], rtol=1e-3)
 
 
 @pytest.mark.parametrize("missing", ["weights", "onnxruntime"])

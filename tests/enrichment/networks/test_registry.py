@@ -71,7 +71,7 @@ def test_a_new_network_gives_the_depth_that_is_around(name: str) -> None:
     image, depth = example()
     with torch.no_grad():
         dense = made(name)(image, torch.where(depth > 0, 20.0, 0.0))
-    torch.testing.assert_close(dense[dense > 0], torch.full_like(dense[dense > 0], 20.0))
+    torch.testing.assert_close(dense[dense > 0], torch.full_like(dense[dense > 0], 20.0), rtol=1e-4, atol=0)
     assert (dense[depth > 0] > 0).all()
 
 
@@ -97,7 +97,8 @@ def test_which_networks_look_at_the_image(name: str, used: bool) -> None:
     with torch.no_grad():
         for parameter in network.parameters():  # some start at 0
             parameter += 0.01 * torch.randn(parameter.shape)
-        assert torch.equal(network(image, depth), network(1 - image, depth)) != used
+        difference = (network(image, depth) - network(1 - image, depth)).abs().max()
+    assert (difference > 0.01) == used  # m
 
 
 def test_depths_are_metres() -> None:

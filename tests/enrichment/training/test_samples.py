@@ -95,7 +95,7 @@ def test_disparity_beside_the_drive_is_the_target(drive: Any) -> None:
     (drive.path / "calib.txt").write_text("P2: 720 0 0 44.8 0 720 0 0 0 0 1 0\nP3: 720 0 0 -339.2 0 720 0 0 0 0 1 0\n")
     of = Source(drive)
     assert of.target == "disparity and returns"
-    np.testing.assert_array_equal(first(of).target, 384 / 8)
+    np.testing.assert_allclose(first(of).target, 384 / 8, rtol=1e-6)
 
 
 def test_frames_without_image_are_passed_over(drive: Any) -> None:

@@ -234,6 +234,15 @@ def test_truth_by_row_or_by_time(folder: Path) -> None:
     assert "poses shorter than scans" in kinds(dataset.problems)
 
 
+def test_truth_of_more_frames_than_there_are_scans_goes_by_the_scans_numbers(folder: Path) -> None:
+    """Of frames 0 to 11, where 1, 2 and 10 are there."""
+    (folder / "poses.txt").write_text("".join(f"1 0 0 {x**2} 0 1 0 0 0 0 1 0\n" for x in range(12)))
+    dataset = open_dataset(folder)
+    assert dataset.ground_truth is not None
+    assert dataset.ground_truth[:, 0, 3] == pytest.approx([0, 2**2 - 1, 10**2 - 1])
+    assert kinds(dataset.problems) == ["gap in numbering"]
+
+
 def test_scans_of_two_kinds_are_refused(folder: Path) -> None:
     np.save(folder / "1.npy", POINTS)
     with pytest.raises(InputError, match="several kinds"):

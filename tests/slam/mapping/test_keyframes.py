@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -107,6 +108,17 @@ def test_the_car_itself_and_what_is_too_far_are_left_out() -> None:
     keyframe = keyframes.finish()
     assert keyframe is not None
     assert keyframe.cloud.xyz[:, 0] == pytest.approx([3, 59], abs=COORDINATE_STEP)
+
+
+def test_points_that_are_too_unsure_are_left_out() -> None:
+    """Neither of the scan that begins a keyframe nor of those that follow: nothing of them reaches the map."""
+    keyframes = Keyframes(KeyframeSettings(max_sigma=0.3))
+    for frame in range(2):
+        scan = cloud((5, 0, 0), (9, frame, 0), (13, frame, 0))
+        keyframes.add(replace(scan, sigma=np.array([0.02, 0.29, 0.31])), at(0), frame, 0.0)
+    keyframe = keyframes.finish()
+    assert keyframe is not None
+    assert sorted(keyframe.cloud.xyz[:, 0]) == pytest.approx([5, 9, 9], abs=STEP)
 
 
 @pytest.mark.parametrize("memory_mb", [0.0, 0.1, 1000.0])

@@ -46,7 +46,7 @@ def test_stays_on_its_ground() -> None:
         assert np.abs(x).max() <= width / 2 + EAVES + 1e-9
         assert y.min() >= -1.5
         assert depth <= y.max() <= depth + EAVES + 1e-9
-        assert z.min() == -FOOT
+        assert z.min() == pytest.approx(-FOOT)
 
 
 def test_stays_within_its_budget() -> None:
