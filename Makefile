@@ -58,7 +58,8 @@ $(RUNTIME) $(DEV) $(BENCHMARKS): pyproject.toml constraints.txt
 	@test -x $(BIN)/python -a -x $(BIN)/pip || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	    echo "No virtual environment: '$(PYTHON)' has no working venv (Debian: apt-get install python3-venv)" >&2; exit 1; }
 	@echo "Installing Python packages into $(VENV) ($(SIZE)): some minutes the first time"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.$(EXTRAS)'
+	@# --no-compile: Python compiles what is imported, and that is a small part
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.$(EXTRAS)'
 	@$(BIN)/python -c 'import open3d' >/dev/null || { \
 	    echo "open3d does not start: see the error above (on Debian it needs libusb-1.0-0)" >&2; exit 1; }
 	@touch $(RUNTIME) $@

@@ -21,7 +21,13 @@ from zipfile import ZipFile
 from packaging.requirements import Requirement
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-FOLDERS = {"lidarlift": "lidarlift", "slam": "slam", "enrichment": "enrichment", "eval": "eval", "configs": "slam/presets"}
+FOLDERS = {
+    "lidarlift": "lidarlift",
+    "slam": "slam",
+    "enrichment": "enrichment",
+    "eval": "eval",
+    "configs": "slam/presets",
+}
 NOT_THERE = ("torch", "lightning", "onnx", "pytest_cov", "hypothesis", "mypy")  # what only training and tests need
 
 
@@ -64,13 +70,13 @@ def environment(folder: Path, wheel: Path) -> Path:
     return site
 
 
-def required(
-    distribution: metadata.Distribution, extras: set[str], seen: set[str]
-) -> Iterator[metadata.Distribution]:
+def required(distribution: metadata.Distribution, extras: set[str], seen: set[str]) -> Iterator[metadata.Distribution]:
     """What it asks for with these extras, and what that asks for in turn."""
     for requirement in map(Requirement, distribution.requires or ()):
         marker = requirement.marker
-        if str(requirement) in seen or not (marker is None or any(marker.evaluate({"extra": e}) for e in {"", *extras})):
+        if str(requirement) in seen or not (
+            marker is None or any(marker.evaluate({"extra": e}) for e in {"", *extras})
+        ):
             continue
         seen.add(str(requirement))
         found = metadata.distribution(requirement.name)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
-import os
 import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -22,6 +21,7 @@ from slam.data import se3
 from slam.data.atomic import write_text, written_beside
 from slam.data.cloud import Array
 from slam.data.errors import InputError
+from slam.data.machine import usable_cores
 from slam.data.pose_files import kitti_text
 from slam.data.sensor import load_sensor
 from slam.simulation.camera import CAMERA
@@ -122,7 +122,7 @@ class Simulation:
 
     def _share_out(self, sequence: Path, numbers: list[int], on_frame: Callable[[], None]) -> None:
         """Frames written by one process a core; those of one stretch by the same, which builds it once."""
-        count = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, MOST)
+        count = min(usable_cores(), MOST)
         context = multiprocessing.get_context("spawn")  # a fork would inherit the locks of threads that are not there
         with ExitStack() as stack:
             workers = [ProcessPoolExecutor(1, context, _begin, (self.settings,)) for _ in range(count)]
