@@ -2,39 +2,45 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-READY := $(VENV)/.ready
+# Stamps: what each target needs is installed once, and the runtime comes along with everything else.
+RUNTIME := $(VENV)/.ready-runtime
+DEV := $(VENV)/.ready-dev
+BENCHMARKS := $(VENV)/.ready-benchmarks
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint benchmark clean
+.PHONY: help setup demo test lint wheel benchmark clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
-setup: $(READY) ## install into .venv what is missing: Debian packages, Python packages, the command lidarlift
+setup: $(RUNTIME) ## install into .venv what lidarlift runs with: Debian packages, Python packages, the command
 
-demo: setup ## no data needed: simulate a drive, run it at 16 and 64 channels, compare (ARGS="--quick": 100 frames)
+demo: $(RUNTIME) ## no data needed: simulate a drive, run it at 16 and 64 channels, compare (ARGS="--quick": a part)
 	@$(BIN)/lidarlift demo $(ARGS)
 
-test: setup ## run the tests (ARGS="-k ndt" for some of them; real drives: see CONTRIBUTING.md)
+test: $(DEV) ## run the tests (ARGS="-k ndt" for some of them; real drives: see CONTRIBUTING.md)
 	@$(BIN)/pytest -n 2 $(ARGS)
 
-lint: setup ## check style, types and the import contract
+lint: $(DEV) ## check style, types and the import contract
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
-benchmark: setup ## measure beside the peers: make benchmark DATASETS="DRIVE [DRIVE ...]"
+wheel: $(DEV) ## build the wheel into dist, and try it in an environment of its own
+	@$(BIN)/python .ci/wheel.py dist
+
+benchmark: $(BENCHMARKS) ## measure beside the peers: make benchmark DATASETS="DRIVE [DRIVE ...]"
 	@test -n "$(DATASETS)" || { echo 'Which drives? make benchmark DATASETS="path/to/drive ..."' >&2; exit 2; }
 	@$(BIN)/python -m benchmarks.odometry.frame_rate $(DATASETS)
 
 clean: ## remove .venv and what builds and tools left
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
-	find slam eval configs tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # What Debian has to bring: libusb-1.0 for open3d, and venv's ensurepip where python3 comes without it.
 # ldconfig lies in /sbin, which is not on everyone's PATH; other systems have none and need nothing of this.
-$(READY): pyproject.toml constraints.txt
+$(RUNTIME) $(DEV) $(BENCHMARKS): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
 	    echo "lidarlift needs Python 3.11 or newer, '$(PYTHON)' is not: make setup PYTHON=python3.12" >&2; exit 1; }
 	@PATH="$$PATH:/usr/sbin:/sbin"; missing=; \
@@ -51,8 +57,15 @@ $(READY): pyproject.toml constraints.txt
 	echo "Please install with your system's packages (names as in Debian), then run make again: $$missing" >&2
 	@test -x $(BIN)/python -a -x $(BIN)/pip || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	    echo "No virtual environment: '$(PYTHON)' has no working venv (Debian: apt-get install python3-venv)" >&2; exit 1; }
-	@echo "Installing Python packages into $(VENV) (2 GB): some minutes the first time"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,benchmarks]'
+	@echo "Installing Python packages into $(VENV) ($(SIZE)): some minutes the first time"
+	@# --no-compile: Python compiles what is imported, and that is a small part
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.$(EXTRAS)'
 	@$(BIN)/python -c 'import open3d' >/dev/null || { \
 	    echo "open3d does not start: see the error above (on Debian it needs libusb-1.0-0)" >&2; exit 1; }
-	@touch $@
+	@touch $(RUNTIME) $@
+
+$(RUNTIME): SIZE := 1.5 GB
+$(DEV): EXTRAS := [dev]
+$(DEV): SIZE := 3 GB
+$(BENCHMARKS): EXTRAS := [benchmarks]
+$(BENCHMARKS): SIZE := 2 GB

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import json
 import platform
-import resource
-import sys
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ import numpy as np
 from slam.data.atomic import write_text
 from slam.data.cloud import Array
 from slam.data.errors import InputError
+from slam.data.machine import peak_memory
 from slam.data.point_writer import write_points
 from slam.data.pose_files import kitti_text, tum_text
 from slam.graph.g2o import write_g2o
@@ -37,7 +37,7 @@ RESULTS = (  # what waits for loops and map
     "map.pcd",
     "map.png",
 )
-PACKAGES = ("lidarlift", "numpy", "numba", "scipy", "gtsam", "open3d", "evo")
+PACKAGES = ("lidarlift", "numpy", "numba", "scipy", "gtsam", "onnxruntime", "open3d", "open3d-cpu", "evo")
 
 
 def save_odometry(run: Run, folder: str | Path) -> None:
@@ -125,7 +125,7 @@ def _report(run: Run) -> dict[str, Any]:
             "vertical_correction_deg": round(float(np.rad2deg(run.vertical_correction)), 6),
             "deskew": run.deskewed,
             "alignment": "none: the first frame is the origin; metrics.json says how each figure was aligned",
-            "versions": {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES},
+            "versions": _versions(),
             "config": run.config.model_dump(mode="json"),
         },
         "counts": run.counts(),
@@ -138,7 +138,7 @@ def _report(run: Run) -> dict[str, Any]:
         },
         "path_length_m": round(float(np.linalg.norm(np.diff(run.poses[:, :3, 3], axis=0), axis=1).sum()), 4),
         "map_points": len(run.map),
-        "peak_memory_mb": round(_peak_memory(), 1),
+        "peak_memory_mb": peak_memory(),
         "T_camera0_lidar": _matrix(source.calibration.T_camera0_lidar if source.calibration else None),
     }
 
@@ -159,14 +159,10 @@ def _matrix(T: Array | None) -> list[list[float]] | None:
     return None if T is None else T.tolist()
 
 
-def _peak_memory() -> float:
-    """Of this process so far [MB]; the kernel counts kilobytes, macOS bytes."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (1e6 if sys.platform == "darwin" else 1e3)
-
-
-def _version(name: str) -> str | None:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return None
+def _versions() -> dict[str, str]:
+    """Of Python and of those of PACKAGES that are installed: Open3D, for one, has two names."""
+    installed = {"python": platform.python_version()}
+    for name in PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            installed[name] = metadata.version(name)
+    return installed

@@ -4,68 +4,108 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lidarlift.cli.compare import print_comparison
 from lidarlift.cli.console import Console, messages, progress
+from lidarlift.cli.forecast import Forecast
 from lidarlift.comparing import INPUTS, compare_into, rows_for, title_of
 from slam.data.atomic import require_writable
 from slam.data.errors import InputError
 
-QUICK, NAME = 100, "Simulated loop"  # frames of the drive
+if TYPE_CHECKING:
+    from slam.settings import Config
+    from slam.simulation.simulation import Simulation
+
+NAME = "Simulated loop"
+SPACING = 1.5  # metres between frames: the same streets and loops as at ten a second, in half of the frames
+QUICK = 70  # frames: the first hundred metres, the least that has a drift
+#: Seconds on the machine whose speed `Forecast` knows: a core's for a simulated frame; a frame's in each row.
+SIMULATED, REGISTERED = 0.32, {"16": 0.03, "ray-segment": 0.05, "lift": 0.2, "64": 0.07}
+#: And before the first frame of the simulation, and of a row; and what compiling the kernels adds to all, once.
+TOWN, ROW, KERNELS = 8.0, 4.0, 40.0
 
 
 def demo(
     out: Annotated[Path, typer.Option(help="The folder for the runs and their comparison.")] = Path("runs/demo"),
-    quick: Annotated[bool, typer.Option("--quick", help=f"Only the first {QUICK} frames: a minute or two.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Only the first hundred metres: a minute or two.")] = False,
+    full: Annotated[bool, typer.Option("--full", help="Ten frames a second, as a LiDAR turns: twice as many.")] = False,
 ) -> None:
     """See what it does, without any data: simulate a drive, run it at 16 channels, enriched and at 64, and compare.
 
     Example: `lidarlift demo --quick`
     """
+    if quick and full:
+        raise typer.BadParameter("is the whole drive; leave --quick out", param_hint="--full")
     from slam.data.dataset import open_dataset
+    from slam.simulation.simulation import Settings, Simulation
 
     rows = rows_for(INPUTS)
     for row in rows:
         require_writable(out / row)
-    town, count = _simulated(QUICK if quick else None)
+    simulation = Simulation(Settings(drive="loop", spacing=None if full else SPACING))
+    town = _kept(simulation, "demo-full" if full else "demo")
+    count = min(QUICK, len(simulation)) if quick else len(simulation)
+    missing = simulation.missing(town, count)
+    forecast = _forecast(rows, count, len(missing), cold=not town.exists())
+    messages.print(
+        "A car with a 64-channel LiDAR and a camera drives around the block in a simulated town.\n"
+        f"Its scans are kept for the next time in {town}\n"
+        f"All in all this takes {forecast} here.",
+        markup=False,
+    )
+    with progress("Simulating", count) as advance:
+        simulation.write(town, count, advance)
+    forecast.done("simulation")
     messages.print(
         "LiDAR SLAM on these scans: with 16 of the 64 rings, as a cheap LiDAR has them; with the others filled in; "
-        "and with all as they were measured."
+        f"and with all as they were measured; {forecast} to go"
     )
+
     data = open_dataset(town)
-    comparison = compare_into(out, data, rows, slice(count), Console(), name=NAME)
+
+    def row_done(row: str) -> None:
+        forecast.done(row)
+        messages.print(_line(row, out / row) + (f"; {forecast} to go" if forecast.left else ""))
+
+    comparison = compare_into(out, data, rows, slice(count), Console(), name=NAME, on_row=row_done)
     print_comparison(comparison, title_of(data, rows, slice(count), NAME), out, rows)
     print("Your own drive: lidarlift compare path/to/drive, or lidarlift run path/to/drive")
 
 
-def _simulated(frames: int | None) -> tuple[Path, int]:
-    """The folder of the demo's drive with at least so many frames (None: all), and how many that are.
-
-    It stays in the user's cache for the next time; the full demo goes on from where a quick or broken one ended.
-    """
-    from slam.simulation.simulation import Settings, Simulation
-
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarlift" / "demo"
-    messages.print(
-        "A car with a 64-channel LiDAR and a camera drives around the block in a simulated town.\n"
-        f"Its scans are kept for the next time in {folder}",
-        markup=False,
-    )
-    simulation = Simulation(Settings(drive="loop"))
+def _kept(simulation: Simulation, name: str) -> Path:
+    """The folder in the user's cache where the drive stays for the next time, whole or in part: a demo that was broken
+    off goes on, and the whole drive after its beginning. What an older version left there is removed."""
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarlift" / name
     if not simulation.matches(folder):
-        _remove(folder)
-    count = min(frames or len(simulation), len(simulation))
-    with progress("Simulating", count) as advance:
-        simulation.write(folder, count, advance)
-    return folder, count
+        try:
+            shutil.rmtree(folder)
+        except OSError as error:
+            raise InputError(f"{folder}: an outdated simulation that cannot be removed ({error}); remove it") from error
+    return folder
 
 
-def _remove(folder: Path) -> None:
-    try:
-        shutil.rmtree(folder)
-    except OSError as error:
-        raise InputError(f"{folder}: an outdated simulation that cannot be removed ({error}); remove it") from error
+def _forecast(rows: Mapping[str, Config], count: int, missing: int, *, cold: bool) -> Forecast:
+    """Of a drive of so many frames, some of them still to be simulated; in a `cold` start kernels are compiled."""
+    from slam.simulation.simulation import processes
+
+    seconds = {"simulation": TOWN + SIMULATED * missing / processes() if missing else 0.0}
+    for row, settings in rows.items():
+        front_end = settings.front_end
+        seconds[row] = ROW + REGISTERED[front_end.enricher if front_end.input == "enriched" else row] * count
+    if cold:
+        seconds["simulation"] += KERNELS
+    return Forecast(seconds)
+
+
+def _line(row: str, folder: Path) -> str:
+    """The figures of a run that is done, in short."""
+    from eval.compare import compare_runs
+
+    figures = compare_runs({row: folder}).inputs[row]
+    drift = "" if figures.drift_percent is None else f", drift {figures.drift_percent:.3f} %"
+    return f"{row}: ATE {figures.ate_m:.3f} m{drift}, {figures.loops} loops"

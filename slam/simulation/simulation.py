@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
-import os
 import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -22,6 +21,7 @@ from slam.data import se3
 from slam.data.atomic import write_text, written_beside
 from slam.data.cloud import Array
 from slam.data.errors import InputError
+from slam.data.machine import usable_cores
 from slam.data.pose_files import kitti_text
 from slam.data.sensor import load_sensor
 from slam.simulation.camera import CAMERA
@@ -86,6 +86,15 @@ class Simulation:
             return about.read_text(encoding="utf-8") == self._about()
         return not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
 
+    def missing(self, folder: Path, frames: int | None = None) -> list[int]:
+        """Of the first `frames`, or all, the numbers of those that the folder does not have."""
+        sequence = folder / "sequences" / SEQUENCE
+        return [
+            number
+            for number in self._numbers(frames)
+            if not all(path.is_file() for path in self._files(sequence, number))
+        ]
+
     def write(self, folder: Path, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> None:
         """The first `frames`, or all; those that the folder has are kept, so that a broken-off run goes on.
 
@@ -95,10 +104,8 @@ class Simulation:
         """
         if not self.matches(folder):
             raise InputError(f"{folder}: holds something else already; name a new folder, or empty this one")
-        sequence = folder / "sequences" / SEQUENCE
-        numbers = range(len(self) if frames is None else min(frames, len(self)))
-        missing = [number for number in numbers if not all(path.is_file() for path in self._files(sequence, number))]
-        for _ in range(len(numbers) - len(missing)):
+        sequence, missing = folder / "sequences" / SEQUENCE, self.missing(folder, frames)
+        for _ in range(len(self._numbers(frames)) - len(missing)):
             on_frame()
         self._write_surroundings(folder, sequence)
         if len(missing) <= FEW:
@@ -122,7 +129,7 @@ class Simulation:
 
     def _share_out(self, sequence: Path, numbers: list[int], on_frame: Callable[[], None]) -> None:
         """Frames written by one process a core; those of one stretch by the same, which builds it once."""
-        count = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, MOST)
+        count = processes()
         context = multiprocessing.get_context("spawn")  # a fork would inherit the locks of threads that are not there
         with ExitStack() as stack:
             workers = [ProcessPoolExecutor(1, context, _begin, (self.settings,)) for _ in range(count)]
@@ -138,6 +145,9 @@ class Simulation:
             except BrokenProcessPool as error:
                 message = f"{sequence}: a process was killed, for memory perhaps; run it again to go on"
                 raise InputError(message) from error
+
+    def _numbers(self, frames: int | None) -> range:
+        return range(len(self) if frames is None else min(frames, len(self)))
 
     def _files(self, sequence: Path, number: int) -> tuple[Path, ...]:
         """The files of a frame, in the order in which they are written."""
@@ -183,6 +193,11 @@ class Simulation:
             "digest": digest.hexdigest()[:16],
         }
         return json.dumps(about, indent=2) + "\n"
+
+
+def processes() -> int:
+    """How many write the frames of a drive: one a core, at most MOST."""
+    return min(usable_cores(), MOST)
 
 
 _simulation: Simulation  # of a worker

@@ -65,6 +65,7 @@ def test_run_json_says_how_it_was_run(street_drive: Drive, tmp_path: Path) -> No
     assert protocol["deskew"] is False
     assert protocol["vertical_correction_deg"] == 0
     assert protocol["versions"]["numpy"] == np.__version__
+    assert len({"open3d", "open3d-cpu"} & protocol["versions"].keys()) == 1
     assert protocol["config"] == load_config().model_dump(mode="json")
     assert report["counts"] == {"frames": 6, "registered": 5, "retried": 0, "failed": 1, "empty_scan": 1}
     assert "000005.bin" in report["problems"][0]

@@ -81,6 +81,9 @@ def simulated(monkeypatch: pytest.MonkeyPatch, street_drive: Callable[..., Path]
         def matches(self, folder: Path) -> bool:
             return not folder.exists() or (folder / "sequences").is_dir()
 
+        def missing(self, folder: Path, frames: int) -> list[int]:
+            return [number for number in range(frames) if not list(folder.rglob(f"{number:06d}.bin"))]
+
         def write(self, folder: Path, frames: int, on_frame: Callable[[], None]) -> None:
             shutil.copytree(sequence.parent.parent, folder, dirs_exist_ok=True)
             for scan in (folder / "sequences" / "77" / "velodyne").iterdir():

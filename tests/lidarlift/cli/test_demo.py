@@ -26,7 +26,7 @@ def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def test_the_whole_demo(lidarlift: Command, simulated: list[Settings]) -> None:
     result = lidarlift("demo", "--out", "d")
     assert result.code == 0, result.err
-    assert simulated == [Settings(drive="loop")]
+    assert simulated == [Settings(drive="loop", spacing=1.5)]
     inputs = json.loads(Path("d/compare.json").read_text())["inputs"]
     assert {path.name for path in Path("d").iterdir()} == {*inputs, "compare.json", "compare.md"}
     for channels in ("16", "enriched", "64"):
@@ -46,6 +46,31 @@ def test_the_whole_demo(lidarlift: Command, simulated: list[Settings]) -> None:
     assert "| enriched |" in Path("d/compare.md").read_text()
     assert "d/compare.json" in result.out
     assert "simulated town" in result.err
+
+
+@pytest.mark.usefixtures("simulated")
+def test_how_long_it_takes_and_each_row_as_it_is_ready(lidarlift: Command) -> None:
+    lines = [line for line in lidarlift("demo").err.splitlines() if "ATE" in line or "about" in line]
+    told = r"about \d+ (seconds|minutes)"
+    assert re.fullmatch(rf"All in all this takes {told} here\.", lines[0])
+    assert re.search(rf"; {told} to go$", lines[1])
+    for row, line in zip(("16", "ray-segment", "enriched"), lines[2:5], strict=True):
+        assert re.fullmatch(rf"{row}: ATE 0\.0\d\d m, 0 loops; {told} to go", line)
+    assert re.fullmatch(r"64: ATE 0\.0\d\d m, 0 loops", lines[5])
+
+
+def test_full_is_another_drive(lidarlift: Command, simulated: list[Settings], cache: Path) -> None:
+    assert lidarlift("demo", "--full").code == 0
+    assert simulated == [Settings(drive="loop")]
+    assert not cache.exists()
+    assert (cache.parent / "demo-full" / "sequences").is_dir()
+
+
+def test_quick_and_full_exclude_each_other(lidarlift: Command, simulated: list[Settings]) -> None:
+    result = lidarlift("demo", "--quick", "--full")
+    assert result.code == 2
+    assert "--full" in result.err
+    assert not simulated
 
 
 @pytest.mark.usefixtures("simulated")
