@@ -118,7 +118,7 @@ def test_points_that_are_too_unsure_are_left_out() -> None:
         keyframes.add(replace(scan, sigma=np.array([0.02, 0.29, 0.31])), at(0), frame, 0.0)
     keyframe = keyframes.finish()
     assert keyframe is not None
-    assert sorted(keyframe.cloud.xyz[:, 0]) == pytest.approx([5, 9, 9], abs=STEP)
+    assert sorted(keyframe.cloud.xyz[:, 0]) == pytest.approx([5, 9, 9], abs=COORDINATE_STEP)
 
 
 @pytest.mark.parametrize("memory_mb", [0.0, 0.1, 1000.0])
