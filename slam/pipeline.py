@@ -6,34 +6,25 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 
-from slam.data import se3
-from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.cloud import Array, Frame
 from slam.data.dataset import Dataset, chosen_positions
 from slam.data.errors import InputError
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
-from slam.front_end import FrontEnd, History, RingFrontEnd
+from slam.front_end import FrontEnd, RingFrontEnd
 from slam.mapper import Mapper
-from slam.odometry import Odometry, OdometryStep
+from slam.odometry import Odometry
 from slam.recorded_odometry import RecordedOdometry
 from slam.run import FrameRecord, Run, Source
 from slam.settings import Config, FrontEndSettings
+from slam.tracking import PoseSource, Tracker
 
-HISTORY = 5  # past clouds that a front end is shown
 SWEEP = 0.1  # s; spinning LiDARs turn ten times a second
-
-
-class PoseSource(Protocol):
-    """Poses scan by scan: our `Odometry`, or `RecordedSteps`, which has them from a file."""
-
-    def predict(self, stamp: float) -> Array: ...
-    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep: ...
 
 
 class Slam:
@@ -72,10 +63,12 @@ class Slam:
             )
         angle = vertical_correction(config.front_end, source.sensor)
         self.result = Run(source, config, angle)
-        self._front_end = front_end or RingFrontEnd(config.front_end, source.sensor)
-        self._odometry = odometry or Odometry(config.odometry, sweep_duration=sweep_duration, vertical_correction=angle)
+        self._tracker = Tracker(
+            front_end or RingFrontEnd(config.front_end, source.sensor),
+            odometry or Odometry(config.odometry, sweep_duration=sweep_duration, vertical_correction=angle),
+            config.front_end.deskew,
+        )
         self._mapper = Mapper(config)
-        self._past: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
 
     def __enter__(self) -> Self:
         return self
@@ -102,20 +95,16 @@ class Slam:
         if self.result.mapping:
             raise ValueError("this run is finished; begin another one")
         self.result.problems.extend(frame.problems)
-        clock = _Clock(load_milliseconds)
-        cloud = self._front_end(frame, self._history(frame.stamp))
-        clock.lap("front_end")
-        scan = self._with_times(cloud, frame)
-        step = self._odometry.register(scan, frame.stamp)
-        clock.lap("odometry")
-        self._mapper.add(len(self.result.records), frame, cloud, step)
-        clock.lap("waiting")
-        self._past.append((cloud, step.pose))
+        tracked = self._tracker(frame)
+        self.result.deskewed |= tracked.timed
+
+        begin, step = time.perf_counter(), tracked.step
+        self._mapper.add(len(self.result.records), frame, tracked.cloud, step)
+        laps = {"load": load_milliseconds, **tracked.milliseconds, "waiting": 1e3 * (time.perf_counter() - begin)}
 
         inliers = step.registration.inlier_ratio if step.registration else float("nan")
-        record = FrameRecord(
-            frame.index, frame.stamp, step.pose, step.covariance, step.status, inliers, len(cloud), clock.laps
-        )
+        points = len(tracked.cloud)
+        record = FrameRecord(frame.index, frame.stamp, step.pose, step.covariance, step.status, inliers, points, laps)
         self.result.records.append(record)
         return record
 
@@ -132,21 +121,6 @@ class Slam:
             self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
             self._mapper.close()
         return self.result
-
-    def _history(self, stamp: float) -> History:
-        """The past clouds, each with T_now_then, as the odometry predicts the pose at `stamp`."""
-        now_world = se3.inverse(self._odometry.predict(stamp))
-        return [(then, now_world @ pose) for then, pose in self._past]
-
-    def _with_times(self, cloud: PointCloud, frame: Frame) -> PointCloud:
-        """The cloud with the times that deskewing goes by, or without where it is switched off."""
-        deskew = self.result.config.front_end.deskew
-        if deskew is False:
-            return replace(cloud, time=None)
-        if deskew and cloud.time is None and len(cloud):
-            raise InputError(f"frame {frame.index}: its points have no times to deskew by; leave front_end.deskew out")
-        self.result.deskewed |= cloud.time is not None
-        return cloud
 
 
 class Pipeline:
@@ -239,15 +213,3 @@ def _read_ahead(dataset: Dataset, positions: range) -> Iterator[tuple[Frame, flo
             if position is not None:
                 coming.append(reader.submit(read, position))
             yield present
-
-
-class _Clock:
-    """Milliseconds by stage."""
-
-    def __init__(self, load: float) -> None:
-        self.laps = {"load": load}
-        self._last = time.perf_counter()
-
-    def lap(self, stage: str) -> None:
-        now = time.perf_counter()
-        self.laps[stage], self._last = 1e3 * (now - self._last), now

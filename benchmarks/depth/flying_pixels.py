@@ -12,9 +12,9 @@ from enrichment.enricher import Enricher
 from enrichment.geometry.held_out import PAST, past_of
 from enrichment.geometry.sparse_scan import Method, of_rings
 from slam.config import load_config
-from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.cloud import Array, Frame, History, PointCloud
 from slam.data.sensor import load_sensor
-from slam.front_end import History, RingFrontEnd
+from slam.front_end import RingFrontEnd
 from slam.simulation.mesh import joined
 from slam.simulation.rig import RADIUS, Rig
 from slam.simulation.simulation import Settings, Simulation

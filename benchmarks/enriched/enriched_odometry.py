@@ -25,9 +25,9 @@ from benchmarks.enriched.tracks import Runner, apart, geometric_mean, rmse
 from eval.text import number
 from lidarlift.front_ends import front_end_for
 from slam.config import load_config
-from slam.data.cloud import MEASURED_SIGMA, Frame, PointCloud
+from slam.data.cloud import MEASURED_SIGMA, Frame, History, PointCloud
 from slam.data.dataset import Dataset, open_dataset
-from slam.front_end import FrontEnd, History
+from slam.front_end import FrontEnd
 from slam.settings import OdometrySettings
 
 VARIANTS = ((0, 1), (2, 1), (0, 2))  # ring phase, every so-many-th frame

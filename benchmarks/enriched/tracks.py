@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from time import perf_counter
 
 import numpy as np
 
@@ -14,12 +12,13 @@ from enrichment.geometry.sparse_scan import Method
 from eval.evaluation import evaluate_poses
 from slam.config import load_config
 from slam.data import se3
-from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.cloud import Array, Frame
 from slam.data.dataset import Dataset
 from slam.front_end import FrontEnd, RingFrontEnd
 from slam.odometry import Odometry, OdometryStep
-from slam.pipeline import HISTORY, sweep_duration
+from slam.pipeline import sweep_duration
 from slam.settings import OdometrySettings
+from slam.tracking import Tracker
 
 START = 5  # frames whose motion does not count for NEES: the first maps
 
@@ -64,24 +63,17 @@ class Runner:
         """The front end is shown the past, as while driving."""
         angle = self.data.sensor.vertical_correction if self.data.sensor else 0.0
         odometry = Odometry(settings, sweep_duration=sweep_duration(self.data), vertical_correction=angle)
-        past: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
-        steps: list[OdometryStep] = []
-        clocks = []
-        for frame in self.frames:
-            now_world = se3.inverse(odometry.predict(frame.stamp))
-            clock = [perf_counter()]
-            cloud = front_end(frame, [(then, now_world @ pose) for then, pose in past])
-            clock.append(perf_counter())
-            steps.append(odometry.register(cloud, frame.stamp))
-            clock.append(perf_counter())
-            past.append((cloud, steps[-1].pose))
-            clocks.append(np.diff(clock))
-        front_end_ms, milliseconds = 1e3 * np.median(clocks, axis=0)
+        tracker = Tracker(front_end, odometry)
+        tracked = [tracker(frame) for frame in self.frames]
+        steps = [each.step for each in tracked]
+        front_end_ms, milliseconds = (
+            float(np.median([each.milliseconds[stage] for each in tracked])) for stage in ("front_end", "odometry")
+        )
         return Track(
             poses=np.array([step.pose for step in steps]),
             failed=sum(step.status == "failed" for step in steps),
-            front_end_ms=float(front_end_ms),
-            milliseconds=float(milliseconds),
+            front_end_ms=front_end_ms,
+            milliseconds=milliseconds,
             nees=None if self.truth is None else nees(steps, self.truth),
         )
 

@@ -11,11 +11,10 @@ import pytest
 
 from slam.config import load_config
 from slam.data import se3
-from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.cloud import HISTORY, Array, Frame, History, PointCloud
 from slam.data.dataset import Dataset, open_dataset
 from slam.data.errors import InputError
-from slam.front_end import History
-from slam.pipeline import HISTORY, Pipeline, sweep_duration
+from slam.pipeline import Pipeline, sweep_duration
 from slam.run import STAGES, FrameRecord, Run
 
 Drive = Callable[..., Path]
