@@ -84,10 +84,11 @@ def test_positions_past_the_end_end_a_loop(odometry_root: Path) -> None:
         dataset[3]
 
 
-def test_another_package_adds_a_kind_of_data_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One whose drives are text files with a point a line."""
-    (tmp_path / "my_loader.py").write_text(
-        "from slam.data.folder import UserFolder\n"
+def test_another_package_adds_a_kind_of_data_set(
+    installed: Callable[[str, str, dict[str, str]], Path], tmp_path: Path
+) -> None:
+    """One whose drives are files."""
+    source = (
         "class Text:\n"
         "    LAYOUT = 'text files (*.drive)'\n"
         "    @staticmethod\n"
@@ -96,11 +97,7 @@ def test_another_package_adds_a_kind_of_data_set(tmp_path: Path, monkeypatch: py
         "    def __init__(self, path, sensor):\n"
         "        self.name, self.path, self.sensor = path.stem, path, sensor\n"
     )
-    information = tmp_path / "my_loader-1.0.dist-info"
-    information.mkdir()
-    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: my-loader\nVersion: 1.0\n")
-    (information / "entry_points.txt").write_text("[lidarlift.datasets]\ntext = my_loader:Text\n")
-    monkeypatch.syspath_prepend(tmp_path)
+    site = installed("text-drives", "[lidarlift.datasets]\ntext = text_drives:Text\n", {"text_drives.py": source})
     (tmp_path / "data").mkdir()
     for name in ("a", "b"):
         (tmp_path / "data" / f"{name}.drive").touch()
@@ -108,7 +105,7 @@ def test_another_package_adds_a_kind_of_data_set(tmp_path: Path, monkeypatch: py
     with pytest.raises(InputError, match="several sequences; name one with --sequence: a, b"):
         open_dataset(tmp_path / "data")
     with pytest.raises(InputError, match=r"no drive found; looked for KITTI .*, text files \(\*\.drive\) and scans"):
-        open_dataset(information)
+        open_dataset(site)
 
 
 def test_a_range_without_frames_is_refused(odometry_root: Path) -> None:
