@@ -12,8 +12,8 @@ from image_gain import JUMP, JUMP_SHARE, JUMPS, ROAD
 from lift_time import BOTH, NETWORK, REPEATS, SCANS, WITH, WITHOUT
 from report import number, table, target
 
-from enrichment.geometry.held_out import PAST
 from enrichment.methods.registry import LIFT
+from slam.data.cloud import HISTORY
 
 CLASSICAL, SINGLE = ("ray-segment", "joint"), "lift, single scans"
 #: What was aimed at, the figure, how it has to be to the limit, and how many decimals are shown.
@@ -76,8 +76,8 @@ def section(found: Mapping[str, Any]) -> str:
 --held-out 0013=FOLDER --image FOLDER FOLDER FOLDER --blind FOLDER FOLDER FOLDER`
 
 {table(("target", "figure", "limit", "verdict"), targets(found))}
-Protocol and figures are those of the section Depth. Every 4th ring from ring 0 is seen, of the {PAST} scans before too,
-which are placed by the drive's true poses; "{SINGLE}" does without these. One core.
+Protocol and figures are those of the section Depth. Every 4th ring from ring 0 is seen, of the {HISTORY} scans before
+too, which are placed by the drive's true poses; "{SINGLE}" does without these. One core.
 
 {drives}
 ### What the image adds

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
-from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.cloud import Array, Frame, History, PointCloud
 from slam.data.errors import InputError
 from slam.data.ring_patterns import drop_rings, kept_lines
 from slam.data.sensor import Sensor
 from slam.settings import FrontEndSettings
-
-#: Past clouds, newest last, each with T_now_then (4, 4): its sensor's frame in the present one, as predicted.
-History = Sequence[tuple[PointCloud, Array]]
 
 
 class FrontEnd(Protocol):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from slam.data import se3
-from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.cloud import HISTORY, Array, Frame, PointCloud
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
 from slam.data.problem import Problem
@@ -27,7 +27,6 @@ from slam.odometry import Odometry
 from slam.recorded_odometry import RecordedOdometry
 from slam.settings import Config
 
-HISTORY = 5  # past clouds that a front end is shown
 STAGES = ("load", "front_end", "odometry", "waiting")  # of a frame, the last for the mapper; this has its own
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -77,6 +77,11 @@ class PointCloud:
         columns = {field.name: getattr(self, field.name) for field in fields(self)}
         mapped: dict[str, Any] = {name: None if value is None else function(value) for name, value in columns.items()}
         return PointCloud(**mapped)
+
+
+#: Past clouds, newest last, each with T_now_then (4, 4): its sensor's frame in the present one, as predicted.
+History = Sequence[tuple[PointCloud, Array]]
+HISTORY = 5  # past clouds that a front end is shown
 
 
 @dataclass(frozen=True, eq=False)
