@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from enrichment.geometry import kernels
-from enrichment.geometry.rays import COLUMNS, Prediction, RayGrid, range_image
+from enrichment.geometry.rays import MAX_COLUMNS, Prediction, RayGrid, range_image
 from slam.data.cloud import Array, Calibration, History, PointCloud
 from slam.data.sensor import Sensor
 
@@ -37,7 +37,7 @@ class SparseScan:
     rings: Array
     read_image: Callable[[], Array | None] = lambda: None
     calibration: Calibration | None = None
-    columns: int = COLUMNS
+    columns: int = MAX_COLUMNS
     read_past: Callable[[], History] = tuple
 
     @cached_property

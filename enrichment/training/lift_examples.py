@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.utils.data import Dataset as Examples
 
 from enrichment.geometry.held_out import past_of, ring_step
-from enrichment.geometry.rays import COLUMNS, RayGrid, columns_for
+from enrichment.geometry.rays import MAX_COLUMNS, RayGrid, columns_for
 from enrichment.geometry.sparse_scan import SparseScan, of_rings
 from enrichment.lift.channels import COLUMN_MULTIPLE, Ray
 from enrichment.lift.features import LiftInput, lift_input
@@ -129,7 +129,7 @@ def example(
     """Of a frame with rings; `kept` and `asked` are ring ids, top first."""
     cloud = frame.cloud
     assert cloud.ring is not None
-    columns = min(COLUMNS, columns_for(cloud)) // COLUMN_MULTIPLE * COLUMN_MULTIPLE
+    columns = min(MAX_COLUMNS, columns_for(cloud)) // COLUMN_MULTIPLE * COLUMN_MULTIPLE
     grid = RayGrid(sensor, columns)
     before = [(of_rings(then, kept), T_now_then) for then, T_now_then in past]
     scan = SparseScan(of_rings(cloud, kept), sensor, kept, lambda: image, frame.calibration, columns, lambda: before)

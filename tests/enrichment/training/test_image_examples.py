@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from enrichment.geometry.image_rays import see
 from enrichment.geometry.sparse_scan import SparseScan
-from enrichment.methods.onnx_network import coarser
+from enrichment.methods.onnx_network import downsampled
 from enrichment.training.image_examples import (
     Example,
     TrainingImages,
@@ -35,7 +35,7 @@ def test_the_input_is_what_a_sparse_lidar_gives_where_the_network_is_used(drive:
     frame = drive[0]
     rings = np.arange(64)
     scan = SparseScan(frame.cloud, drive.sensor, rings, frame.read_image, frame.calibration)
-    expected = coarser(see(scan.without(rings[rings % 4 != phase])).image, 0.5)
+    expected = downsampled(see(scan.without(rings[rings % 4 != phase])).image, 0.5)
     found = sparse(pack[0], WHOLE, 4, phase)
     assert (found > 0).sum() > 500
     np.testing.assert_allclose(found, expected, atol=0.51 / DEPTH_SCALE)
