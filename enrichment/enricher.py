@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +11,8 @@ from enrichment.calibration import Calibrated
 from enrichment.geometry import kernels
 from enrichment.geometry.rays import Prediction, RayGrid, columns_for
 from enrichment.geometry.sparse_scan import Method, SparseScan, heights
-from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.cloud import Array, Frame, History, PointCloud
 from slam.data.sensor import Sensor
-
-#: Past clouds, newest last, each with T_now_then (4, 4).
-History = Sequence[tuple[PointCloud, Array]]
 
 BEAMS = 64  # about so many lines where the sensor's own are fewer
 

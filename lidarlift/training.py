@@ -102,7 +102,7 @@ def depth_task(training: Sequence[Pack], validation: Sequence[Pack], crop: tuple
     Raises:
         InputError: A pack has images smaller than the crop.
     """
-    from enrichment.training.drawing import require_crop
+    from enrichment.training.image_examples import require_crop
     from enrichment.training.image_task import ImageTask
 
     require_crop(training, crop)

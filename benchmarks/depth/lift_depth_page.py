@@ -12,9 +12,9 @@ from benchmarks.depth.flying_pixels import COVERAGE, FRAMES, IN_THE_AIR, TOWN
 from benchmarks.depth.image_gain import JUMP, JUMP_SHARE, JUMPS, ROAD
 from benchmarks.depth.lift_time import BOTH, NETWORK, REPEATS, SCANS, WITH, WITHOUT
 from benchmarks.depth.tables import of_views
-from enrichment.geometry.held_out import PAST
 from enrichment.methods.registry import LIFT
 from eval.text import number
+from slam.data.cloud import HISTORY
 
 CLASSICAL, SINGLE = ("ray-segment", "joint"), "lift, single scans"
 #: What was aimed at, the figure, how it has to be to the limit, and how many decimals are shown.
@@ -73,7 +73,7 @@ def page(found: Mapping[str, Any]) -> str:
 `{about["command"]}`
 
 {table(("target", "figure", "limit", "verdict"), targets(found))}
-Protocol and figures are those of [Depth](depth_methods.md). Every 4th ring from ring 0 is seen, of the {PAST} scans
+Protocol and figures are those of [Depth](depth_methods.md). Every 4th ring from ring 0 is seen, of the {HISTORY} scans
 before too, which are placed by the drive's true poses; "{SINGLE}" does without these. One core.
 
 {drives}

@@ -8,11 +8,11 @@ from time import perf_counter
 
 import numpy as np
 
-from enrichment.geometry.held_out import PAST, hold_out, past_of
+from enrichment.geometry.held_out import hold_out, past_of
 from enrichment.geometry.rays import RayGrid
 from enrichment.geometry.sparse_scan import Method, SparseScan
 from enrichment.lift.features import lift_input
-from slam.data.cloud import Array
+from slam.data.cloud import HISTORY, Array
 from slam.data.dataset import Dataset
 
 SCANS, REPEATS = 20, 3  # spread over a drive, and how often each
@@ -24,7 +24,7 @@ def timed(data: Dataset, lift: Method) -> dict[str, dict[str, list[float]]]:
     """By view, then of input, network and both: median over SCANS of the milliseconds that a scan takes, in the median
     of REPEATS and in the least of them, which other processes disturb less."""
     assert data.sensor is not None
-    grid, positions = RayGrid(data.sensor), np.linspace(PAST, len(data) - 1, SCANS).astype(int)
+    grid, positions = RayGrid(data.sensor), np.linspace(HISTORY, len(data) - 1, SCANS).astype(int)
     parts: tuple[Callable[[SparseScan, RayGrid], object], ...] = (lift_input, lift)
     seconds = {view: np.zeros((len(parts), SCANS, REPEATS)) for view in (WITHOUT, WITH)}
     for index, position in enumerate(positions):

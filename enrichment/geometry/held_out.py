@@ -7,15 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from enrichment.geometry.rays import Prediction, RayGrid
-from enrichment.geometry.sparse_scan import Past, SparseScan
+from enrichment.geometry.sparse_scan import SparseScan
 from slam.data import se3
 from slam.data.camera import project, visible
-from slam.data.cloud import Array, Frame
+from slam.data.cloud import HISTORY, Array, Frame, History
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
 from slam.data.sensor import Sensor
-
-PAST = 5  # scans, as many as a front end is shown while driving
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +37,7 @@ class HeldOut:
         return prediction.ranges[ray], prediction.sigma[ray], prediction.trusted[ray]
 
 
-def past_of(data: Dataset, position: int, count: int = PAST) -> Past:
+def past_of(data: Dataset, position: int, count: int = HISTORY) -> History:
     """Up to `count` scans before one of a drive, newest last, placed by the drive's true poses; none without these."""
     poses = data.ground_truth
     if poses is None or np.isnan(poses[position]).any():
@@ -57,7 +55,7 @@ def ring_step(sensor: Sensor) -> int:
     return 4 if sensor.ring_count >= 64 else 2
 
 
-def hold_out(frame: Frame, grid: RayGrid, phase: int = 0, past: Past = ()) -> HeldOut:
+def hold_out(frame: Frame, grid: RayGrid, phase: int = 0, past: History = ()) -> HeldOut:
     """Rings phase, phase + step, ... of a frame kept, and of the `past` scans before it; the others held out.
 
     Raises InputError without rings.

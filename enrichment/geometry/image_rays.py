@@ -9,11 +9,11 @@ from scipy.ndimage import map_coordinates
 
 from enrichment.geometry.rays import RayGrid
 from enrichment.geometry.sparse_scan import SparseScan
-from slam.data.camera import project, visible
+from slam.data.camera import nearest_pixel, project, visible
 from slam.data.cloud import Array, Calibration
 
 START = 20.0  # m, along the ray: where looking for its depth begins
-STEPS = 4  # the camera is near the LiDAR: a step divides what is left to go by ten and more
+ITERATIONS = 4  # the camera is near the LiDAR: a step divides what is left to go by ten and more
 MARGIN = 40  # pixels outside the image at START: from there, a ray may still enter it nearer by
 
 
@@ -36,7 +36,7 @@ class ImageRays:
         """(M, 2) float64, u and v as in `slam.data.camera.project`: where the rays are at these ranges (M,) [m]."""
         return self._project(ranges)[0]
 
-    def meet(self, dense: Array) -> Array:
+    def intersect(self, dense: Array) -> Array:
         """(M,) float64, metres along the ray to where it meets a dense depth image (H, W) [m, 0 = none]; NaN: nowhere.
 
         A fixed point over the range: the depth at the pixel of the ray's point, bilinear in inverse depth, gives the
@@ -46,7 +46,7 @@ class ImageRays:
         nearest, further = (self._project(np.full(len(self.row), ranges))[1] for ranges in (0.0, 1.0))
         stretch = 1 / (further - nearest)  # depth is linear in range
         ranges = np.full(len(self.row), START)
-        for _ in range(STEPS):
+        for _ in range(ITERATIONS):
             depth = 1 / map_coordinates(inverse, self.pixels(ranges).T[::-1], order=1, mode="nearest")
             ranges = np.where(np.isfinite(depth), (depth - nearest) * stretch, ranges)
         inside = within(self.pixels(ranges), dense.shape)
@@ -95,12 +95,6 @@ def see(scan: SparseScan) -> SeenPoints:
     np.minimum.at(image, (v, u), depth[shown].astype(np.float32))
     image[np.isinf(image)] = 0
     return SeenPoints(pixels, shown, image)
-
-
-def nearest_pixel(pixels: Array) -> tuple[Array, Array]:
-    """Columns and rows, (...) int64 each, of pixels (..., 2)."""
-    u, v = np.moveaxis(np.floor(pixels + 0.5).astype(np.int64), -1, 0)
-    return u, v
 
 
 def between_returns(scan: SparseScan, grid: RayGrid) -> Array:

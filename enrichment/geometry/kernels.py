@@ -1,4 +1,7 @@
-"""Loops over rays and points. Nothing but @njit here; a cached kernel and all it calls share a file."""
+"""Loops over rays and points. Nothing but @njit here; a cached kernel and all it calls share a file.
+
+That is why `enrichment.lift.kernels` has the azimuth column and the intersection with a segment once more.
+"""
 
 import math
 

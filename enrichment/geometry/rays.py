@@ -15,8 +15,8 @@ from slam.data.cloud import Array, PointCloud
 from slam.data.errors import InputError
 from slam.data.sensor import Sensor
 
-COLUMNS = 2000  # 0.18 deg each: the HDL-64E fires every 0.17 deg at 10 Hz
-FEWEST_COLUMNS = 360
+MAX_COLUMNS = 2000  # 0.18 deg each: the HDL-64E fires every 0.17 deg at 10 Hz
+MIN_COLUMNS = 360
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class RayGrid:
     """
 
     sensor: Sensor
-    columns: int = COLUMNS
+    columns: int = MAX_COLUMNS
     azimuth: Array = field(init=False, repr=False)  # (W,) float64, radians, of the columns' centres
 
     def __post_init__(self) -> None:
@@ -70,13 +70,15 @@ class Prediction:
 
 
 def columns_for(cloud: PointCloud) -> int:
-    """How many columns a scan fills, COLUMNS at most: a turn by the usual step of azimuth along its fullest ring."""
+    """How many columns a scan fills, MAX_COLUMNS at most: a turn by the usual step of azimuth on its fullest ring."""
     if cloud.ring is None or len(cloud) == 0:
-        return COLUMNS
+        return MAX_COLUMNS
     fullest = cloud.xyz[cloud.ring == np.bincount(cloud.ring).argmax()]
     steps = np.diff(np.sort(np.arctan2(fullest[:, 1], fullest[:, 0])))
     steps = steps[steps > 0]
-    return COLUMNS if len(steps) == 0 else int(np.clip(round(2 * np.pi / np.median(steps)), FEWEST_COLUMNS, COLUMNS))
+    if len(steps) == 0:
+        return MAX_COLUMNS
+    return int(np.clip(round(2 * np.pi / np.median(steps)), MIN_COLUMNS, MAX_COLUMNS))
 
 
 def range_image(cloud: PointCloud, grid: RayGrid) -> Array:

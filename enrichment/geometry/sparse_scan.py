@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -10,14 +10,12 @@ from typing import Protocol
 import numpy as np
 
 from enrichment.geometry import kernels
-from enrichment.geometry.rays import COLUMNS, Prediction, RayGrid, range_image
-from slam.data.cloud import Array, Calibration, PointCloud
+from enrichment.geometry.rays import MAX_COLUMNS, Prediction, RayGrid, range_image
+from slam.data.cloud import Array, Calibration, History, PointCloud
 from slam.data.sensor import Sensor
 
-Past = Sequence[tuple[PointCloud, Array]]
-
 SAME = 1e-6  # m at 10 m: lines that differ by less are one
-REACH = 2  # columns: a ring's return is taken from so near by where its own column has none
+MAX_GAP = 2  # columns: a ring's return is taken from so near by where its own column has none
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +37,8 @@ class SparseScan:
     rings: Array
     read_image: Callable[[], Array | None] = lambda: None
     calibration: Calibration | None = None
-    columns: int = COLUMNS
-    read_past: Callable[[], Past] = tuple
+    columns: int = MAX_COLUMNS
+    read_past: Callable[[], History] = tuple
 
     @cached_property
     def image(self) -> Array | None:
@@ -48,20 +46,22 @@ class SparseScan:
         return self.read_image()
 
     @cached_property
-    def past(self) -> Past:
+    def past(self) -> History:
         return self.read_past()
 
     @cached_property
     def points(self) -> Array:
-        """(K, W) int32: the point of each ring and azimuth column, of the column itself or of one up to REACH
+        """(K, W) int32: the point of each ring and azimuth column, of the column itself or of one up to MAX_GAP
         away; -1 for none. Raises InputError where the points have no rings."""
-        return np.asarray(kernels.filled(range_image(self.cloud, RayGrid(self.lines, self.columns))[self.rings], REACH))
+        return np.asarray(
+            kernels.filled(range_image(self.cloud, RayGrid(self.lines, self.columns))[self.rings], MAX_GAP)
+        )
 
     def without(self, rings: Array) -> SparseScan:
         """The same scan as a sensor without these rings (M,) would have seen it."""
         kept = self.rings[~np.isin(self.rings, rings)]
 
-        def past() -> Past:
+        def past() -> History:
             return [(of_rings(then, kept), T_now_then) for then, T_now_then in self.past]
 
         return replace(self, cloud=of_rings(self.cloud, kept), rings=kept, read_past=past)

@@ -13,9 +13,10 @@ from scipy.sparse import coo_array, diags_array
 from scipy.sparse.linalg import cg
 from scipy.spatial import Delaunay, QhullError
 
-from enrichment.geometry.image_rays import ImageRays, between_returns, nearest_pixel, rays_before_camera, see
+from enrichment.geometry.image_rays import ImageRays, between_returns, rays_before_camera, see
 from enrichment.geometry.rays import Prediction, RayGrid
 from enrichment.geometry.sparse_scan import SparseScan
+from slam.data.camera import nearest_pixel
 from slam.data.cloud import Array
 
 #: IP-Basic: pixels, the first (H, W). Sixteen rings are some 20 rows apart, so it is tall; for 64 rings it is 5.
@@ -34,7 +35,7 @@ NEAREST_SPREAD, IP_BASIC_SPREAD, DELAUNAY_SPREAD, MRF_SPREAD = 0.19, 0.19, 0.035
 SURE, SURE_SHARE = 0.1, 0.02  # m; of the range
 
 
-def nearest(sparse: Array, _image: Array) -> Array:
+def nearest_sample(sparse: Array, _image: Array) -> Array:
     """Each pixel takes the depth of the nearest pixel that has one."""
     if not sparse.any():
         return sparse
@@ -94,7 +95,7 @@ def markov_random_field(sparse: Array, image: Array) -> Array:
     weight = DATA * np.bincount(cell, minlength=height * width)
     data = DATA * np.bincount(cell, 1 / sparse[v, u].astype(float), height * width)
     smoothness = _smoothness(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
-    start = 1 / nearest(sparse, image)[::CELL, ::CELL].ravel().astype(float)
+    start = 1 / nearest_sample(sparse, image)[::CELL, ::CELL].ravel().astype(float)
     system = (diags_array(weight) + smoothness).tocsr()
     x, _ = cg(system, data, start, rtol=TOLERANCE, maxiter=ITERATIONS, M=diags_array(1 / system.diagonal()))
     inverse = cv2.resize(x.reshape(height, width), None, fx=CELL, fy=CELL, interpolation=cv2.INTER_LINEAR)
@@ -131,7 +132,7 @@ class DepthCompletion:
         if scan.image is not None and scan.calibration is not None:
             rays = rays_before_camera(grid, between_returns(scan, grid), scan.calibration, scan.image.shape)
             dense = self.complete(see(scan).image, scan.image)
-            met = rays.meet(dense)
+            met = rays.intersect(dense)
             known = np.isfinite(met)
             ray = rays.row[known], rays.column[known]
             u, v = nearest_pixel(rays.pixels(met)[known])
@@ -156,7 +157,7 @@ def _spread(dense: Array) -> Array:
     return np.asarray(cv2.dilate(dense, window) - np.minimum(least, dense))
 
 
-nearest_method = partial(DepthCompletion, nearest, NEAREST_SPREAD)
+nearest_method = partial(DepthCompletion, nearest_sample, NEAREST_SPREAD)
 ip_basic_method = partial(DepthCompletion, ip_basic, IP_BASIC_SPREAD)
 delaunay_method = partial(DepthCompletion, delaunay, DELAUNAY_SPREAD)
 markov_random_field_method = partial(DepthCompletion, markov_random_field, MRF_SPREAD)

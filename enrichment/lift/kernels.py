@@ -75,7 +75,7 @@ def between_rings(rho, z, length, slope, turn, beside, sigma, upper, tangent, of
                 )
             rays[Ray.KNOWN, row, c], rays[Ray.SHARE, row, c] = 1.0, row_share[row]
             rays[Ray.RANGE, row, c] = math.log(met / 10)
-            for other in range(4):
+            for other in range(4):  # ABOVE to FROM_BELOW, in the same order in both
                 rho_there = candidates[Candidate.ABOVE + other, row, c]
                 if rho_there > 0.0:
                     rays[Ray.ABOVE + other, row, c] = math.log(rho_there / met)

@@ -4,6 +4,10 @@ The ray-segment's own sigma says where: on one ray in eight, which have most of 
 weighted median of what returns near by in the image have, each weighing the more the more alike its colour, and of two
 guesses: IP-Basic's depth image, and how far the colours have changed on the way between the returns above and below.
 A median chooses; a mean would put points between the surfaces.
+
+Lift's candidate GUESS (`enrichment.lift.kernels.guess`) is the same idea with the same weights, in a compiled loop. The
+two stay apart, for they do not give the same ranges: that one samples colours half as often and completes the depth
+image at half its resolution, to take milliseconds, and the shipped weights were trained with it.
 """
 
 from __future__ import annotations
@@ -11,21 +15,17 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from enrichment.geometry.image_rays import ImageRays, nearest_pixel, rays_before_camera, see, within
+from enrichment.geometry.image_rays import ImageRays, rays_before_camera, see, within
 from enrichment.geometry.rays import Prediction, RayGrid
 from enrichment.geometry.sparse_scan import SparseScan
 from enrichment.interpolation.depth_completion import ip_basic, sure
 from enrichment.interpolation.ray_segment import RaySegment
+from enrichment.lift.features import BLUR
+from enrichment.lift.kernels import APART, BESIDE, COLOUR, COLUMNS_NEAR, RETURNS, RINGS_NEAR, UNSURE_SEGMENT, UP
+from slam.data.camera import nearest_pixel
 from slam.data.cloud import Array
 
-UNSURE = 0.4  # m: rays whose segment has a larger sigma are looked at
-#: Returns near by: so many rings and columns from the one above the ray.
-RINGS, COLUMNS = np.arange(-1, 3), np.arange(-8, 9, 2)
-#: A return's weight falls by e with so many pixels to the side, pixels up or down, and levels of colour (of 255).
-ASIDE, UP, COLOUR = 20.0, 30.0, 25.0
-RETURNS = 2.0  # weight of all of them together; the two guesses have 1 each
-BLUR = 2.0  # pixels, standard deviation: texture is no edge
-STEPS = 24  # pixels looked at on each half of the way between the returns above and below
+PATH_SAMPLES = 24  # pixels looked at on each half of the way between the returns above and below
 LEAST_SIGMA, SPREAD_SHARE = 0.02, 0.7  # m; of the mean distance of the guesses from their median, measured on KITTI
 
 
@@ -36,7 +36,7 @@ class Joint:
         plain = RaySegment()(scan, grid)
         if scan.image is None or scan.calibration is None:
             return plain
-        unsure = (plain.ranges > 0) & (plain.sigma > UNSURE)
+        unsure = (plain.ranges > 0) & (plain.sigma > UNSURE_SEGMENT)
         rays = rays_before_camera(grid, unsure, scan.calibration, scan.image.shape)
         rays = rays.select(within(rays.pixels(plain.ranges[rays.row, rays.column]), scan.image.shape))
         if len(rays.row) == 0:
@@ -69,14 +69,15 @@ def _guesses(scan: SparseScan, grid: RayGrid, rays: ImageRays, plain: Array) -> 
     share = _share_of_change(image, seen.pixels[above], here, seen.pixels[below])
     edge = 1 / ((1 - share) / rho[above] + share / rho[below])
     ranges = np.column_stack([rho[near], edge]) / np.cos(grid.sensor.elevation[rays.row])[:, None]
-    dense = rays.meet(ip_basic(seen.image, scan.image))
+    dense = rays.intersect(ip_basic(seen.image, scan.image))
     dense = np.where(np.isfinite(dense), dense, plain)
     return np.column_stack([ranges, dense]), np.column_stack([weights, np.ones((len(weights), 2))])
 
 
 def _near(scan: SparseScan, upper: Array, column: Array) -> Array:
     """(M, G) points of the scan around the rays (M,) below the rings `upper`; -1 for none."""
-    rings, columns = upper[:, None, None] + RINGS[:, None], column[:, None, None] + COLUMNS
+    near_rings, near_columns = np.arange(*RINGS_NEAR), np.arange(-COLUMNS_NEAR, COLUMNS_NEAR + 1, APART)
+    rings, columns = upper[:, None, None] + near_rings[:, None], column[:, None, None] + near_columns
     count, around = scan.points.shape
     points = scan.points[np.clip(rings, 0, count - 1), columns % around]
     return np.where((rings >= 0) & (rings < count), points, -1).reshape(len(upper), -1)
@@ -86,7 +87,7 @@ def _likeness(image: Array, here: Array, there: Array) -> Array:
     """(M, G) weights, 0..1, of pixels `there` (M, G, 2) to those `here` (M, 2), by distance and colour."""
     aside, up = np.moveaxis(np.abs(there - here[:, None]), -1, 0)
     colour = np.linalg.norm(_colours(image, there) - _colours(image, here)[:, None], axis=-1)
-    return np.nan_to_num(np.exp(-aside / ASIDE - up / UP - colour / COLOUR))
+    return np.nan_to_num(np.exp(-aside / BESIDE - up / UP - colour / COLOUR))
 
 
 def _share_of_change(image: Array, above: Array, here: Array, below: Array) -> Array:
@@ -97,7 +98,7 @@ def _share_of_change(image: Array, above: Array, here: Array, below: Array) -> A
 
 def _change(image: Array, start: Array, stop: Array) -> Array:
     """(M,) the length of the way through colours on the straight way from pixel to pixel, (M, 2) each."""
-    steps = np.linspace(0, 1, STEPS)[:, None]
+    steps = np.linspace(0, 1, PATH_SAMPLES)[:, None]
     colours = _colours(image, start[:, None] + steps * (stop - start)[:, None])
     return np.asarray(np.linalg.norm(np.diff(colours, axis=1), axis=-1).sum(axis=1))
 

@@ -11,7 +11,7 @@ from enrichment.geometry.sparse_scan import SparseScan
 from enrichment.interpolation.ray_segment import RaySegment
 from enrichment.lift.channels import COLUMN_MULTIPLE, Candidate, Ray
 from enrichment.lift.features import LiftInput, lift_input
-from enrichment.methods.onnx_network import WEIGHTS, Fallback, noted, session
+from enrichment.methods.onnx_network import WEIGHTS, Fallback, metadata_number, session
 from slam.data.cloud import Array
 
 NAME = "lift"
@@ -39,7 +39,7 @@ class LiftMethod:
         try:
             file = folder / f"{NAME}.onnx"
             self._session = session(file)
-            self.parameters = int(noted(self._session, file, "parameters"))
+            self.parameters = int(metadata_number(self._session, file, "parameters"))
         except (ImportError, FileNotFoundError) as error:
             self._fallback.fault = f"cannot run here ({error})"
 

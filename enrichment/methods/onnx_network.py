@@ -37,7 +37,7 @@ def has_weights(name: str) -> bool:
     return (WEIGHTS / f"{name}.onnx").is_file() and find_spec("onnxruntime") is not None
 
 
-AMISS = 0.3  # as a share: what is further off than that is another surface; least errors on KITTI raw 0013
+SAME_SURFACE = 0.3  # as a share: what is further off than that is another surface; least errors on KITTI raw 0013
 
 
 class Fallback:
@@ -92,7 +92,7 @@ class ImageNetwork(DepthCompletion):
         A cell is two pixels high, which is two thirds of a metre on the ground 20 m ahead, and a return may lie
         anywhere in it: the network cannot know its ranges better, but the scan does.
         """
-        ratio = off_by(dense, scan)
+        ratio = range_correction(dense, scan)
         upper = scan.rows_above(grid.sensor)[rays.row]
         lines, own = heights(grid.sensor)[rays.row], heights(scan.lines)[scan.rings]
         share = (own[upper] - lines) / (own[upper] - own[upper + 1])
@@ -115,7 +115,7 @@ def session(file: Traversable) -> InferenceSession:
         raise InputError(f"{file}: no ONNX network, or damaged ({' '.join(str(error).split())}); {AFRESH}") from error
 
 
-def noted(session: InferenceSession, file: Traversable, name: str) -> float:
+def metadata_number(session: InferenceSession, file: Traversable, name: str) -> float:
     """A number of a network's metadata. Raises InputError where it is missing."""
     try:
         return float(session.get_modelmeta().custom_metadata_map[name])
@@ -123,16 +123,17 @@ def noted(session: InferenceSession, file: Traversable, name: str) -> float:
         raise InputError(f"{file}: a network that does not say its {name}; {AFRESH}") from error
 
 
-def off_by(dense: Array, scan: SparseScan) -> Array:
+def range_correction(dense: Array, scan: SparseScan) -> Array:
     """(N,) float32: how many times as far as a dense depth image (H, W) has it each point of the scan really is, within
-    1 / (1 + AMISS) and 1 + AMISS; NaN where the camera does not see it or the image has something else there."""
+    1 / (1 + SAME_SURFACE) and 1 + SAME_SURFACE; NaN where the camera does not see the point or the image has something
+    else there."""
     assert scan.calibration is not None
     pixels, depth = project(scan.cloud.xyz, scan.calibration)
     seen = visible(pixels, depth, dense.shape)
     inverse = np.divide(1, dense, out=np.full(dense.shape, np.nan, np.float32), where=dense > 0)
     ratio = np.full(len(depth), np.nan, np.float32)
     ratio[seen] = depth[seen] * map_coordinates(inverse, pixels[seen].T[::-1], order=1, mode="nearest")
-    return np.where(np.abs(np.log(np.maximum(ratio, 1e-3))) < np.log1p(AMISS), ratio, np.float32(np.nan))
+    return np.where(np.abs(np.log(np.maximum(ratio, 1e-3))) < np.log1p(SAME_SURFACE), ratio, np.float32(np.nan))
 
 
 class OnnxNetwork:
@@ -144,20 +145,21 @@ class OnnxNetwork:
     def __init__(self, file: Traversable) -> None:
         self._session = session(file)
         self._inputs = [entry.name for entry in self._session.get_inputs()]  # L2L has no image
-        self.scale, self.parameters = noted(self._session, file, "scale"), int(noted(self._session, file, "parameters"))
+        self.scale = metadata_number(self._session, file, "scale")
+        self.parameters = int(metadata_number(self._session, file, "parameters"))
 
     def __call__(self, sparse: Array, image: Array) -> Array:
         if not sparse.any():
             return sparse
-        depth = coarser(sparse, self.scale)
+        depth = downsampled(sparse, self.scale)
         height, width = (round(size / self.scale) for size in depth.shape)
         colours = cv2.resize(image[:height, :width], depth.shape[::-1], interpolation=cv2.INTER_AREA)
         given = {"image": colours.transpose(2, 0, 1)[None] / np.float32(255), "depth": depth[None, None]}
         (dense,) = self._session.run(None, {name: given[name] for name in self._inputs})
-        return finer(dense[0, 0], self.scale, sparse.shape)
+        return upsampled(dense[0, 0], self.scale, sparse.shape)
 
 
-def coarser(sparse: Array, scale: float) -> Array:
+def downsampled(sparse: Array, scale: float) -> Array:
     """A depth image (H, W) [m, 0 = none] with `scale` cells a pixel, at most 1: the nearest depth in each cell.
 
     Cells are whole: what is left of the image at the right and below is cut off.
@@ -171,7 +173,7 @@ def coarser(sparse: Array, scale: float) -> Array:
     return np.where(np.isinf(depth), np.float32(0), depth)
 
 
-def finer(dense: Array, scale: float, shape: tuple[int, ...]) -> Array:
+def upsampled(dense: Array, scale: float, shape: tuple[int, ...]) -> Array:
     """A depth image of cells at (H, W) pixels, linear in inverse depth; what is no depth, 0 or less, stays none."""
     inverse = np.divide(1, dense, out=np.full(dense.shape, np.nan, np.float32), where=dense > 0)
     u, v = (((np.arange(size) + 0.5) * scale - 0.5).astype(np.float32) for size in shape[::-1])

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.ndimage import correlate1d, distance_transform_edt, maximum_filter1d, uniform_filter1d
 
-from slam.data.camera import project, visible
+from slam.data.camera import nearest_pixel, project, visible
 from slam.data.cloud import Array, Frame
 from slam.data.depth_map import read_depth_map
 from slam.data.errors import InputError
@@ -113,7 +113,7 @@ def _filtered(values: Array, axis: int, gap: int, weights: tuple[float, ...]) ->
 def _among(pixels: Array, shape: tuple[int, int]) -> Array:
     """(H, W) bool: which pixels lie among those at `pixels` (N, 2), columns and rows: a closing by discs."""
     empty = np.ones(shape, bool)
-    column, row = np.floor(pixels + 0.5).astype(int).T
+    column, row = nearest_pixel(pixels)
     empty[row, column] = False
     near = distance_transform_edt(empty) <= NEAR
     return np.asarray(distance_transform_edt(near) > NEAR) | ~empty

@@ -13,7 +13,7 @@ from enrichment.networks.export import export
 from enrichment.networks.loss import depth_loss
 from enrichment.networks.registry import NETWORKS
 from enrichment.training.checkpoint import Figures
-from enrichment.training.drawing import Drawn, Example, Whole
+from enrichment.training.image_examples import Example, TrainingImages, ValidationImages
 from enrichment.training.model_card import model_card
 from enrichment.training.pack import Pack
 from enrichment.training.plan import Plan
@@ -39,11 +39,11 @@ class ImageTask:
     def network(self, model: str) -> DepthNetwork:
         return NETWORKS.load(model)()
 
-    def drawn(self, plan: Plan, first: int, count: int) -> Drawn:
-        return Drawn(self.packs, plan.crop, plan.seed, first, count)
+    def training_examples(self, plan: Plan, first: int, count: int) -> TrainingImages:
+        return TrainingImages(self.packs, plan.crop, plan.seed, first, count)
 
-    def whole(self) -> Whole:
-        return Whole(self.validation)
+    def validation_examples(self) -> ValidationImages:
+        return ValidationImages(self.validation)
 
     def loss(self, network: nn.Module, batch: Example, plan: Plan) -> Tensor:
         return depth_loss(network(batch.image, batch.depth).float(), batch.target, plan.absolute)

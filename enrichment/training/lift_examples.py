@@ -11,14 +11,14 @@ import torch
 from torch import Tensor
 from torch.utils.data import Dataset as Examples
 
-from enrichment.geometry.held_out import PAST, past_of, ring_step
-from enrichment.geometry.rays import COLUMNS, RayGrid, columns_for
-from enrichment.geometry.sparse_scan import Past, SparseScan, of_rings
+from enrichment.geometry.held_out import past_of, ring_step
+from enrichment.geometry.rays import MAX_COLUMNS, RayGrid, columns_for
+from enrichment.geometry.sparse_scan import SparseScan, of_rings
 from enrichment.lift.channels import COLUMN_MULTIPLE, Ray
 from enrichment.lift.features import LiftInput, lift_input
-from enrichment.training.drawing import COARSER, FINER, in_other_light, in_turn
+from enrichment.training.image_examples import COARSER, FINER, colour_jitter, shuffled
 from slam.data import se3
-from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.cloud import HISTORY, Array, Frame, History, PointCloud
 from slam.data.dataset import Dataset
 from slam.data.sensor import Sensor
 
@@ -40,7 +40,7 @@ class LiftExample(NamedTuple):
     truth: Tensor
 
 
-class DrawnScans(Examples[LiftExample]):
+class TrainingScans(Examples[LiftExample]):
     """`count` examples from number `first` on: rings, past, image or none, mirror, light, size and part are drawn.
 
     An example is a part of CROP columns, every other one what the camera sees. With `own_rings` a sensor of 64 lines is
@@ -56,23 +56,23 @@ class DrawnScans(Examples[LiftExample]):
         return self._count
 
     def __getitem__(self, index: int) -> LiftExample:
-        place, rng = in_turn(self._seed, self._first + index, len(self._places))
+        place, rng = shuffled(self._seed, self._first + index, len(self._places))
         drive, k = self._places[place]
         frame, sensor = drive[k], drive.sensor
         assert sensor is not None
-        past = drawn_past(drive, k, rng)
-        image = None if frame.image is None or rng.random() < BLIND else in_other_light(frame.image, rng)
+        past = random_past(drive, k, rng)
+        image = None if frame.image is None or rng.random() < BLIND else colour_jitter(frame.image, rng)
         if image is None:
             factor = LARGEST ** rng.uniform(-1, 1)
             frame = replace(frame, cloud=_resized(frame.cloud, sensor, factor))
             past = [(_resized(then, sensor, factor), _scaled(T_now_then, factor)) for then, T_now_then in past]
-        kept, asked = drawn_rings(sensor, self._own_rings, rng)
+        kept, asked = random_rings(sensor, self._own_rings, rng)
         whole = example(frame, sensor, kept, asked, image, past, mirrored=rng.random() < 0.5)
         ahead = image is not None and rng.random() < 0.5
         return part_of(whole, int(rng.integers(whole.rays.shape[-1])) if not ahead else _ahead(whole))
 
 
-class WholeScans(Examples[LiftExample]):
+class ValidationScans(Examples[LiftExample]):
     """All scans, every so-many-th ring from the first one on, with the image: as while driving."""
 
     def __init__(self, drives: Sequence[Dataset]) -> None:
@@ -90,9 +90,9 @@ class WholeScans(Examples[LiftExample]):
         return example(frame, sensor, rings[kept], rings[~kept], frame.image, past_of(drive, k))
 
 
-def drawn_past(drive: Dataset, position: int, rng: np.random.Generator) -> Past:
+def random_past(drive: Dataset, position: int, rng: np.random.Generator) -> History:
     """Scans before one of a drive, fewer or none now and then, placed as well as a prediction places them."""
-    count = 0 if rng.random() < ALONE else int(rng.integers(1, PAST + 1))
+    count = 0 if rng.random() < ALONE else int(rng.integers(1, HISTORY + 1))
     return [(then, _misplaced(T_now_then, rng)) for then, T_now_then in past_of(drive, position, count)]
 
 
@@ -102,7 +102,7 @@ def _misplaced(T_now_then: Array, rng: np.random.Generator) -> Array:
     return np.asarray(error @ T_now_then)
 
 
-def drawn_rings(sensor: Sensor, own_rings: bool, rng: np.random.Generator) -> tuple[Array, Array]:
+def random_rings(sensor: Sensor, own_rings: bool, rng: np.random.Generator) -> tuple[Array, Array]:
     """Ids of the rings that are given, and of those that are asked for."""
     rings, step = np.arange(sensor.ring_count), ring_step(sensor)
     if step == 4 and not own_rings:
@@ -123,13 +123,13 @@ def example(
     kept: Array,
     asked: Array,
     image: Array | None,
-    past: Past = (),
+    past: History = (),
     mirrored: bool = False,
 ) -> LiftExample:
     """Of a frame with rings; `kept` and `asked` are ring ids, top first."""
     cloud = frame.cloud
     assert cloud.ring is not None
-    columns = min(COLUMNS, columns_for(cloud)) // COLUMN_MULTIPLE * COLUMN_MULTIPLE
+    columns = min(MAX_COLUMNS, columns_for(cloud)) // COLUMN_MULTIPLE * COLUMN_MULTIPLE
     grid = RayGrid(sensor, columns)
     before = [(of_rings(then, kept), T_now_then) for then, T_now_then in past]
     scan = SparseScan(of_rings(cloud, kept), sensor, kept, lambda: image, frame.calibration, columns, lambda: before)

@@ -15,7 +15,7 @@ from enrichment.lift.loss import lift_loss
 from enrichment.lift.network import Lift
 from enrichment.networks.export import export_lift
 from enrichment.training.checkpoint import Figures
-from enrichment.training.lift_examples import DrawnScans, LiftExample, WholeScans
+from enrichment.training.lift_examples import LiftExample, TrainingScans, ValidationScans
 from enrichment.training.model_card import lift_card
 from enrichment.training.plan import Plan
 from slam.data.dataset import Dataset
@@ -70,11 +70,11 @@ class LiftTask:
     def network(self, model: str) -> Lift:
         return Lift()
 
-    def drawn(self, plan: Plan, first: int, count: int) -> DrawnScans:
-        return DrawnScans(self.drives, self.own_rings, plan.seed, first, count)
+    def training_examples(self, plan: Plan, first: int, count: int) -> TrainingScans:
+        return TrainingScans(self.drives, self.own_rings, plan.seed, first, count)
 
-    def whole(self) -> WholeScans:
-        return WholeScans(self.validation)
+    def validation_examples(self) -> ValidationScans:
+        return ValidationScans(self.validation)
 
     def loss(self, network: nn.Module, batch: list[LiftExample], plan: Plan) -> Tensor:
         alike: dict[tuple[object, ...], list[LiftExample]] = {}

@@ -1,6 +1,7 @@
 """The training loop, on Lightning: a CPU, a GPU or several; the same seed gives the same weights on one CPU.
 
-An epoch of Lightning's is `Plan.look` steps here: after each the network is validated and a checkpoint written.
+An epoch of Lightning's is `Plan.validate_every` steps here: after each the network is validated and a checkpoint
+written.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ def _trainer(training: Training, device: str) -> lightning.Trainer:
         return lightning.Trainer(
             accelerator=device,
             precision="bf16-mixed" if training.plan.bf16 else "32-true",
-            max_epochs=-(-(training.plan.steps - training.step) // training.plan.look),
+            max_epochs=-(-(training.plan.steps - training.step) // training.plan.validate_every),
             reload_dataloaders_every_n_epochs=1,
             num_sanity_val_steps=0,
             limit_val_batches=None if training.task.validated else 0,
@@ -105,14 +106,14 @@ class Training(lightning.LightningModule):
         return self._optimizer
 
     def train_dataloader(self) -> DataLoader[Any]:
-        """The examples up to the next look."""
+        """The examples up to the next validation."""
         batch, gpus = self.plan.batch, self.trainer.world_size
-        count = min(self.plan.look, self.plan.steps - self.step) * batch * gpus
-        drawn = self.task.drawn(self.plan, self.step * batch * gpus, count)
-        return DataLoader(drawn, batch, num_workers=self.workers, collate_fn=self.task.collate)
+        count = min(self.plan.validate_every, self.plan.steps - self.step) * batch * gpus
+        examples = self.task.training_examples(self.plan, self.step * batch * gpus, count)
+        return DataLoader(examples, batch, num_workers=self.workers, collate_fn=self.task.collate)
 
     def val_dataloader(self) -> DataLoader[Any]:
-        return DataLoader(self.task.whole(), 1, num_workers=self.workers, collate_fn=self.task.collate)
+        return DataLoader(self.task.validation_examples(), 1, num_workers=self.workers, collate_fn=self.task.collate)
 
     def on_train_batch_start(self, batch: Any, batch_idx: int) -> None:
         """Dropout and learning rate follow from seed and step, so that a resumed training takes the same way."""

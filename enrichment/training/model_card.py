@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from enrichment.training.checkpoint import Figures
 from enrichment.training.licence import KITTI, licence_of
-from enrichment.training.pack import Drive, Pack
+from enrichment.training.pack import Pack, PackedDrive
 from enrichment.training.plan import Plan
 from slam.data.dataset import Dataset
 
@@ -135,11 +135,11 @@ def lift_card(
     )
 
 
-def _drives(packs: Sequence[Pack]) -> list[Drive]:
+def _drives(packs: Sequence[Pack]) -> list[PackedDrive]:
     return [drive for pack in packs for drive in pack.drives]
 
 
-def _row(drive: Drive, use: str) -> str:
+def _row(drive: PackedDrive, use: str) -> str:
     return f"| {drive.name} | {use} | {len(drive.frames)} | {drive.target} | {drive.licence} |"
 
 

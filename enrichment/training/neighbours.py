@@ -7,10 +7,10 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from enrichment.geometry.image_rays import nearest_pixel, within
+from enrichment.geometry.image_rays import within
 from enrichment.training.pooling import cells_of, in_front, pooled
 from slam.data import se3
-from slam.data.camera import project
+from slam.data.camera import nearest_pixel, project
 from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset
 from slam.data.distortion import correct_vertical, deskew

@@ -19,9 +19,10 @@ import numpy as np
 
 from enrichment.geometry.held_out import ring_step
 from enrichment.training.licence import licence_of
-from enrichment.training.samples import RETURN, STEPS, Sample, Source
+from enrichment.training.samples import RETURN, Sample, Source
 from slam.data.atomic import written_beside
 from slam.data.cloud import Array
+from slam.data.depth_map import DEPTH_SCALE
 from slam.data.errors import InputError
 
 VERSION = 2  # raised when the same drive would give another pack
@@ -30,7 +31,7 @@ AFRESH = "delete it, and it is packed afresh from its drives"
 
 
 @dataclass(frozen=True)
-class Drive:
+class PackedDrive:
     """What a pack says of one of its drives.
 
     frames     numbers of the frames that are in it, in order
@@ -73,7 +74,7 @@ class Pack:
         if colours is None or depth is None or colours.shape[:2] != depth.shape:
             raise InputError(f"{self.path}: frame {index} in it is damaged; {AFRESH}")
         colours = np.ascontiguousarray(colours[..., ::-1])
-        return Sample(colours, returns, depth / np.float32(STEPS), self._steps[index], self.scale)
+        return Sample(colours, returns, depth / np.float32(DEPTH_SCALE), self._steps[index], self.scale)
 
 
 def packed(path: Path, sources: Sequence[Source], on_frame: Callable[[], None] = lambda: None) -> Pack:
@@ -102,7 +103,7 @@ def packed(path: Path, sources: Sequence[Source], on_frame: Callable[[], None] =
     return Pack(path)
 
 
-def _encode(source: Source, arrays: dict[str, Array], on_frame: Callable[[], None]) -> Drive:
+def _encode(source: Source, arrays: dict[str, Array], on_frame: Callable[[], None]) -> PackedDrive:
     """A drive's samples, added to `arrays`."""
     data, frames, first = source.data, list[int](), len(arrays) // 3
     for number, sample in zip(data.numbers, source, strict=True):
@@ -111,10 +112,10 @@ def _encode(source: Source, arrays: dict[str, Array], on_frame: Callable[[], Non
             frames.append(int(number))
             arrays[f"{name}/image"] = cv2.imencode(".webp", sample.image[..., ::-1], WEBP)[1]
             arrays[f"{name}/returns"] = sample.returns
-            arrays[f"{name}/target"] = cv2.imencode(".png", np.round(sample.target * STEPS).astype(np.uint16))[1]
+            arrays[f"{name}/target"] = cv2.imencode(".png", np.round(sample.target * DEPTH_SCALE).astype(np.uint16))[1]
         on_frame()
     assert data.sensor is not None
-    return Drive(data.name, tuple(frames), ring_step(data.sensor), source.target, licence_of(data))
+    return PackedDrive(data.name, tuple(frames), ring_step(data.sensor), source.target, licence_of(data))
 
 
 def _digest(sources: Sequence[Source]) -> str:
@@ -134,8 +135,8 @@ def _about(file: Any) -> dict[str, Any]:
     return dict(about)
 
 
-def _drive(entry: dict[str, Any]) -> Drive:
-    return Drive(**{**entry, "frames": tuple(entry["frames"])})
+def _drive(entry: dict[str, Any]) -> PackedDrive:
+    return PackedDrive(**{**entry, "frames": tuple(entry["frames"])})
 
 
 def _frame(file: Any, k: int) -> tuple[Array, Array, Array]:

@@ -20,7 +20,7 @@ class Plan:
     steps   in all, each on a batch (of every GPU)
     crop    (height, width) of an example, in cells of the packs' scale
     batch   examples a step
-    look    steps from one validation and checkpoint to the next (after each the best weights so far are kept)
+    validate_every  steps from one validation and checkpoint to the next (after each the best weights so far are kept)
     seed    of the first weights, the examples and dropout
     rate    highest learning rate; None: the model's own
     absolute  weight of the absolute error against the squared one, of the paper's networks
@@ -31,7 +31,7 @@ class Plan:
     steps: int
     crop: tuple[int, int] = (160, 304)
     batch: int = 4
-    look: int = 200
+    validate_every: int = 200
     seed: int = 0
     rate: float | None = None
     absolute: float = LAMBDA

@@ -17,7 +17,7 @@ def cells_of(pixels: Array, scale: float) -> Array:
     return np.floor((np.floor(np.asarray(pixels) + 0.5) + 0.5) * scale).astype(np.int64)
 
 
-def nearest(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
+def nearest_depth(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
     """(H, W) float32, metres, 0 = none: the least depth (N,) in each cell, as an occluding return is measured."""
     index, inside = _index(cells, shape)
     image = np.full(shape[0] * shape[1], np.inf, np.float32)
@@ -33,14 +33,14 @@ def pooled(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
     size = shape[0] * shape[1]
     count, total = np.bincount(index, minlength=size), np.bincount(index, inverse, size)
     mean = np.divide(count, total, out=np.zeros(size), where=count > 0).astype(np.float32).reshape(shape)
-    least = nearest(cells, depth, shape)
+    least = nearest_depth(cells, depth, shape)
     return np.where(mean <= SAME * least, mean, least)
 
 
 def in_front(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
     """(N,) bool: which points, inside the image, are not on another surface than the nearest of their own and the
     eight cells around it."""
-    least = nearest(cells, depth, shape)
+    least = nearest_depth(cells, depth, shape)
     around = cv2.erode(np.where(least > 0, least, NOWHERE), np.ones((3, 3), np.uint8), borderValue=NOWHERE).ravel()
     index, result = _index(cells, shape)
     result[result] = depth[result] <= np.maximum(SAME * around, around + APART)[index]

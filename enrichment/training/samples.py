@@ -1,8 +1,9 @@
 """What a network learns from: a frame's image, its returns by ring, and the depth that should come out.
 
-Which rings are the input is drawn later, each time a sample is used (`enrichment.training.drawing`): first the rings
-that are kept, then the input from their returns alone. The target leaves nothing out: it has the depth of the kept
-returns as well as that of the others. Figures are taken off the kept returns, where the input does not give the answer.
+Which rings are the input is drawn later, each time a sample is used (`enrichment.training.image_examples`): first
+the rings that are kept, then the input from their returns alone. The target leaves nothing out: it has the depth of the
+kept returns as well as that of the others. Figures are taken off the kept returns, where the input does not give the
+answer.
 """
 
 from __future__ import annotations
@@ -15,21 +16,21 @@ import cv2
 import numpy as np
 
 from enrichment.geometry.held_out import ring_step
-from enrichment.geometry.image_rays import nearest_pixel, within
+from enrichment.geometry.image_rays import within
 from enrichment.training import targets
 from enrichment.training.neighbours import Neighbours
-from enrichment.training.pooling import cells_of, nearest
-from slam.data.camera import project, visible
+from enrichment.training.pooling import cells_of, nearest_depth
+from slam.data.camera import nearest_pixel, project, visible
 from slam.data.cloud import Array, Frame
 from slam.data.dataset import Dataset
+from slam.data.depth_map import DEPTH_SCALE
 from slam.data.errors import InputError
 from slam.data.pose_files import read_poses
 
-#: A return: pixel of the whole image, depth along the camera's axis in 1/STEPS m, ring.
+#: A return: pixel of the whole image, depth along the camera's axis in 1/DEPTH_SCALE m, ring.
 RETURN = np.dtype([("column", "<u2"), ("row", "<u2"), ("depth", "<u2"), ("ring", "u1")])
-STEPS = 256.0  # a metre, as in KITTI's depth maps
-FARTHEST = 65535 / STEPS
-REACH = 80.0  # m: no target beyond, where LiDARs hardly see and a squared error is that of few pixels alone
+FARTHEST = 65535 / DEPTH_SCALE
+MAX_TARGET = 80.0  # m: no target beyond, where LiDARs hardly see and a squared error is that of few pixels alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,7 @@ class Sample:
 
     image      (H, W, 3) uint8 RGB
     returns    (N,) RETURN: all inside the image, hidden ones too, for fewer rings do not show that they are
-    target     (H, W) float32, metres, in steps of 1/256 up to REACH: depth at the cells' centres, 0 = none
+    target     (H, W) float32, metres, in steps of 1/256 up to MAX_TARGET: depth at the cells' centres, 0 = none
     ring_step  every so-many-th ring is what a sparse LiDAR has (`ring_step`)
     scale      cells a pixel, at most 1
     """
@@ -119,7 +120,7 @@ class Source:
         pixels, depth = pixels[seen], depth[seen]
         shown = visible(pixels, depth, image.shape)
         shape = int(image.shape[0] * self.scale), int(image.shape[1] * self.scale)
-        target = nearest(cells_of(pixels[shown], self.scale), depth[shown], shape)
+        target = nearest_depth(cells_of(pixels[shown], self.scale), depth[shown], shape)
         if around is not None:
             more = around.depth_image(position, pixels[shown], depth[shown], image.shape, self.scale)
             target = np.where(target > 0, target, more)
@@ -147,13 +148,13 @@ def _packed(pixels: Array, depth: Array, ring: Array) -> Array:
     """(N,) RETURN, sorted by ring and column."""
     returns = np.empty(len(depth), RETURN)
     returns["column"], returns["row"] = nearest_pixel(pixels)
-    returns["depth"], returns["ring"] = np.round(depth * STEPS), ring
+    returns["depth"], returns["ring"] = np.round(depth * DEPTH_SCALE), ring
     return returns[np.lexsort((returns["column"], returns["ring"]))]
 
 
 def _quantised(depth: Array) -> Array:
-    """(H, W) float32; depth beyond REACH becomes none."""
-    return np.where(depth <= REACH, np.round(depth * STEPS) / STEPS, 0).astype(np.float32)
+    """(H, W) float32; depth beyond MAX_TARGET becomes none."""
+    return np.where(depth <= MAX_TARGET, np.round(depth * DEPTH_SCALE) / DEPTH_SCALE, 0).astype(np.float32)
 
 
 def _scaled(image: Array, shape: tuple[int, int], scale: float) -> Array:

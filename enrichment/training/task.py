@@ -34,10 +34,10 @@ class Task(Protocol):
     def network(self, model: str) -> nn.Module:
         """An untrained one, with weights drawn from torch's own generator."""
 
-    def drawn(self, plan: Plan, first: int, count: int) -> Dataset[Any]:
+    def training_examples(self, plan: Plan, first: int, count: int) -> Dataset[Any]:
         """`count` examples to train on, from number `first` on; each follows from the plan's seed and its number."""
 
-    def whole(self) -> Dataset[Any]:
+    def validation_examples(self) -> Dataset[Any]:
         """The examples to validate on."""
 
     def loss(self, network: nn.Module, batch: Any, plan: Plan) -> Tensor: ...

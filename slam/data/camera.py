@@ -37,7 +37,7 @@ def visible(pixels: Array, depth: Array, shape: tuple[int, ...]) -> Array:
     with np.errstate(invalid="ignore"):
         inside: Array = np.all((pixels >= -0.5) & (pixels < (width - 0.5, height - 0.5)), axis=1)
     shown = np.flatnonzero(inside)
-    column, row = _nearest_pixel(pixels[shown])
+    column, row = nearest_pixel(pixels[shown])
     nearest = np.full((height, width), np.inf)
     np.minimum.at(nearest, (row, column), depth[shown])
     around = minimum_filter(nearest, (2 * WINDOW_ROWS + 1, 2 * WINDOW_COLUMNS + 1), mode="nearest")[row, column]
@@ -52,16 +52,16 @@ def with_colour(cloud: PointCloud, image: Array, calibration: Calibration) -> Po
     """
     pixels, depth = project(cloud.xyz, calibration)
     seen = visible(pixels, depth, image.shape)
-    column, row = _nearest_pixel(pixels[seen])
+    column, row = nearest_pixel(pixels[seen])
     colour = np.zeros((len(cloud), 3), np.uint8)
     colour[seen] = image[row, column]
     colour[seen & ~colour.any(axis=1)] = 1
     return replace(cloud, colour=colour)
 
 
-def _nearest_pixel(pixels: Array) -> tuple[Array, Array]:
-    """Columns and rows."""
-    column, row = np.floor(pixels + 0.5).astype(np.int64).T
+def nearest_pixel(pixels: Array) -> tuple[Array, Array]:
+    """Columns and rows, (...) int64 each, of pixels (..., 2)."""
+    column, row = np.moveaxis(np.floor(pixels + 0.5).astype(np.int64), -1, 0)
     return column, row
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from slam.data import se3
 from slam.data.atomic import write_text, written_beside
 from slam.data.cloud import Array
+from slam.data.depth_map import DEPTH_SCALE
 from slam.data.errors import InputError
 from slam.data.machine import usable_cores
 from slam.data.pose_files import kitti_text
@@ -33,7 +34,6 @@ SEQUENCE = "00"
 PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY]
 FEW = 8  # so many frames are written before other processes have started
 MOST = 4  # processes: each holds a town
-DEPTH_SCALE = 256.0  # KITTI's depth maps: 16 bits, 256 a metre, 0 = no value
 
 
 @dataclass(frozen=True)

@@ -100,8 +100,8 @@ def test_sigma_is_scaled_to_the_errors_at_held_out_rings(sparse: Scan, grid: Ray
     assert np.quantile(relative_errors(Wrong(), scan, held), 0.68) == pytest.approx(3.0, rel=0.05)
     methods = Calibrated(Wrong()), Calibrated(Wrong())
     sigmas = [float(methods[0](scan, grid).sigma[0, 0]) for _ in range(12)]
-    assert sigmas[-1] == pytest.approx(0.1 * 2.0 * SINGLE_GAP)  # a look says 2 at most
-    assert sigmas[1] == pytest.approx(sigmas[0])  # not every scan is looked at
+    assert sigmas[-1] == pytest.approx(0.1 * 2.0 * SINGLE_GAP)  # a validation says 2 at most
+    assert sigmas[1] == pytest.approx(sigmas[0])  # not every scan is validated on
     assert float(methods[1](scan, grid).sigma[0, 0]) == pytest.approx(sigmas[0])
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from enrichment.geometry.image_rays import between_returns, nearest_pixel, rays_before_camera, see
+from enrichment.geometry.image_rays import between_returns, rays_before_camera, see
 from enrichment.geometry.rays import RayGrid
 from enrichment.geometry.sparse_scan import SparseScan
-from slam.data.camera import project
+from slam.data.camera import nearest_pixel, project
 from slam.data.cloud import Array, Calibration, PointCloud
 from slam.data.sensor import Sensor
 
@@ -36,7 +36,7 @@ def smooth_depth() -> Array:
 def test_a_rays_point_lands_where_its_depth_was_read(small: RayGrid) -> None:
     dense = smooth_depth()
     rays = rays_before_camera(small, np.ones(small.shape, bool), CALIBRATION, SHAPE)
-    ranges = rays.meet(dense)
+    ranges = rays.intersect(dense)
     met = np.isfinite(ranges)
     assert met.sum() > 1000
     points = small.points(ranges[met], rays.row[met], rays.column[met])
@@ -48,7 +48,7 @@ def test_a_rays_point_lands_where_its_depth_was_read(small: RayGrid) -> None:
 
 def test_rays_beside_the_image_meet_nothing(small: RayGrid) -> None:
     rays = rays_before_camera(small, np.ones(small.shape, bool), CALIBRATION, SHAPE)
-    ranges = rays.meet(smooth_depth())
+    ranges = rays.intersect(smooth_depth())
     u, v = rays.pixels(np.nan_to_num(ranges, nan=10.0)).T
     inside = (u >= -0.5) & (u < 159.5) & (v >= -0.5) & (v < 79.5)
     assert np.isnan(ranges[~inside]).all()
@@ -60,7 +60,7 @@ def test_nothing_is_met_where_the_image_has_no_depth(small: RayGrid) -> None:
     dense = smooth_depth()
     dense[:, 80:] = 0
     rays = rays_before_camera(small, np.ones(small.shape, bool), CALIBRATION, SHAPE)
-    ranges = rays.meet(dense)
+    ranges = rays.intersect(dense)
     u = rays.pixels(np.nan_to_num(ranges, nan=10.0))[:, 0]
     assert np.isnan(ranges[u > 82]).all()
     assert np.isfinite(ranges[(u > 3) & (u < 76)]).mean() > 0.5

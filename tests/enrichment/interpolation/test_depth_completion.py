@@ -17,8 +17,8 @@ from enrichment.interpolation.depth_completion import (
     ip_basic,
     markov_random_field,
     markov_random_field_method,
-    nearest,
     nearest_method,
+    nearest_sample,
 )
 from enrichment.methods.registry import COMPLETIONS
 from slam.data.cloud import Array, Calibration, PointCloud
@@ -64,7 +64,7 @@ def test_nothing_comes_of_nothing(name: str) -> None:
 
 
 def test_nearest_takes_the_nearest_sample() -> None:
-    dense = nearest(samples((30, 20, 5.0), (30, 60, 9.0)), GREY)
+    dense = nearest_sample(samples((30, 20, 5.0), (30, 60, 9.0)), GREY)
     np.testing.assert_allclose(dense[:, :40], 5.0, rtol=1e-6)
     np.testing.assert_allclose(dense[:, 41:], 9.0, rtol=1e-6)
 

@@ -18,7 +18,7 @@ from enrichment.geometry.rays import Prediction, RayGrid
 from enrichment.geometry.sparse_scan import SparseScan
 from enrichment.interpolation.ray_segment import RaySegment
 from enrichment.methods import onnx_network
-from enrichment.methods.onnx_network import ImageNetwork, coarser, finer
+from enrichment.methods.onnx_network import ImageNetwork, downsampled, upsampled
 from enrichment.networks.depth_network import FAR
 from enrichment.networks.export import export
 from enrichment.networks.registry import NETWORKS
@@ -162,20 +162,20 @@ def test_damaged_weights_are_refused(content: bytes | None, tmp_path: Path) -> N
 def test_cells_have_the_nearest_depth_of_their_pixels() -> None:
     sparse = np.zeros((5, 7), np.float32)
     sparse[0, 0], sparse[1, 1], sparse[2, 3], sparse[4, 6] = 9.0, 4.0, 7.0, 3.0  # the last one in no whole cell
-    assert coarser(sparse, 0.5).tolist() == [[4, 0, 0], [0, 7, 0]]
-    np.testing.assert_array_equal(coarser(sparse, 1.0), sparse)
+    assert downsampled(sparse, 0.5).tolist() == [[4, 0, 0], [0, 7, 0]]
+    np.testing.assert_array_equal(downsampled(sparse, 1.0), sparse)
 
 
 def test_pixels_between_cells_are_linear_in_inverse_depth() -> None:
     cells = 1 / (0.05 + 0.01 * np.arange(6, dtype=np.float32) * np.ones((4, 1), np.float32))
-    pixels = finer(cells, 0.5, (9, 12))
+    pixels = upsampled(cells, 0.5, (9, 12))
     np.testing.assert_allclose(1 / pixels[:, 1:-1], 0.05 + 0.01 * (np.arange(1, 11) / 2 - 0.25) * np.ones((9, 1)))
 
 
 def test_what_is_no_depth_stays_none_in_all_its_pixels() -> None:
     cells: Array = np.full((4, 6), 8.0, np.float32)
     cells[1, 2] = -3.0
-    pixels = finer(cells, 0.5, (8, 12))
+    pixels = upsampled(cells, 0.5, (8, 12))
     assert not pixels[2:4, 4:6].any()
     np.testing.assert_allclose(pixels[:, 8:], 8.0)
 

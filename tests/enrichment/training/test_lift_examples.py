@@ -12,7 +12,15 @@ import torch
 from enrichment.geometry.held_out import past_of
 from enrichment.lift.channels import Candidate, Ray
 from enrichment.lift.network import Lift
-from enrichment.training.lift_examples import BLURRED, CROP, DrawnScans, WholeScans, drawn_rings, example, part_of
+from enrichment.training.lift_examples import (
+    BLURRED,
+    CROP,
+    TrainingScans,
+    ValidationScans,
+    example,
+    part_of,
+    random_rings,
+)
 from enrichment.training.lift_task import LiftTask
 from enrichment.training.plan import Plan
 from slam.data.errors import InputError
@@ -23,7 +31,7 @@ HDL64, VLP16 = load_sensor("hdl64"), load_sensor("vlp16")
 
 @pytest.mark.parametrize("seed", range(20))
 def test_of_sixty_four_rings_some_are_given_and_the_others_asked_for(seed: int) -> None:
-    kept, asked = drawn_rings(HDL64, own_rings=False, rng=np.random.default_rng(seed))
+    kept, asked = random_rings(HDL64, own_rings=False, rng=np.random.default_rng(seed))
     assert sorted([*kept, *asked]) == list(range(64))
     assert len(set(np.diff(kept))) == 1
     assert len(kept) in (8, 16, 32)
@@ -32,7 +40,7 @@ def test_of_sixty_four_rings_some_are_given_and_the_others_asked_for(seed: int) 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("sensor", [HDL64, VLP16])
 def test_a_sparse_lidars_own_rings_are_held_out_one_by_one(seed: int, sensor: Sensor) -> None:
-    kept, asked = drawn_rings(sensor, own_rings=True, rng=np.random.default_rng(seed))
+    kept, asked = random_rings(sensor, own_rings=True, rng=np.random.default_rng(seed))
     all_of_them = np.sort(np.concatenate([kept, asked]))
     assert len(all_of_them) == 16
     place = np.searchsorted(all_of_them, asked)
@@ -43,7 +51,7 @@ def test_a_sparse_lidars_own_rings_are_held_out_one_by_one(seed: int, sensor: Se
 
 
 def test_answers_are_on_their_rays(drive: Any) -> None:
-    given = WholeScans([drive])[0]
+    given = ValidationScans([drive])[0]
     known = (given.truth > 0) & (given.rays[:, Ray.KNOWN] > 0)
     assert known.sum() > 10_000
     segment = given.candidates[:, Candidate.SEGMENT]
@@ -59,7 +67,7 @@ def test_a_mirror_turns_columns_round(drive: Any) -> None:
 
 
 def test_the_seed_and_the_number_decide(drive: Any) -> None:
-    first, later = DrawnScans([drive], False, 3, 0, 4), DrawnScans([drive], False, 3, 2, 2)
+    first, later = TrainingScans([drive], False, 3, 0, 4), TrainingScans([drive], False, 3, 2, 2)
     for one, other in zip(first[2], later[0], strict=True):
         assert torch.equal(one, other)
     assert not all(
@@ -78,7 +86,7 @@ def test_every_scan_comes_before_one_comes_again(drive: Any) -> None:
             return super().__getitem__(position)
 
     watched = Watched(**vars(drive))
-    scans = DrawnScans([watched], False, 0, 0, 6)
+    scans = TrainingScans([watched], False, 0, 0, 6)
     for number in range(6):
         scans[number]
     assert sorted(looked_at[:3]) == sorted(looked_at[3:]) == [0, 1, 2]
@@ -99,12 +107,12 @@ def test_the_past_is_of_the_scans_before(drive: Any) -> None:
         np.testing.assert_allclose(T_now_then[:3, 3], [k - 2.0, 0, 0])
     assert past_of(moved, 0) == []
     assert len(past_of(moved, 2, 1)) == 1
-    has_past = WholeScans([moved])[2].candidates[0, Candidate.PAST] > 0
+    has_past = ValidationScans([moved])[2].candidates[0, Candidate.PAST] > 0
     assert has_past.float().mean() > 0.05
 
 
 def test_next_to_the_edges_of_a_part_nothing_is_asked(drive: Any) -> None:
-    whole = WholeScans([drive])[0]
+    whole = ValidationScans([drive])[0]
     part = part_of(whole, 10)
     assert part.rays.shape[-1] == part.rings.shape[-1] == CROP
     torch.testing.assert_close(part.rays[..., CROP // 2], whole.rays[..., 10])
@@ -118,7 +126,7 @@ def test_alike_scans_are_learned_from_together(drive: Any) -> None:
     """The loss does not depend on the order, and scans of other rings may be among them."""
     torch.manual_seed(0)
     task, network = LiftTask([drive], []), Lift().eval()
-    batch = [DrawnScans([drive], False, seed, 0, 1)[0] for seed in range(6)]
+    batch = [TrainingScans([drive], False, seed, 0, 1)[0] for seed in range(6)]
     assert len({scan.rays.shape for scan in batch}) > 1
     plan = Plan("lift", 1)
     one, other = task.loss(network, batch, plan), task.loss(network, batch[::-1], plan)

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from enrichment.training.checkpoint import BEST, CHECKPOINT, Checkpoint, Figures, read_checkpoint
-from enrichment.training.drawing import Example
+from enrichment.training.image_examples import Example
 from enrichment.training.image_task import ImageTask, errors
 from enrichment.training.loop import Training, train
 from enrichment.training.pack import Pack
@@ -18,7 +18,7 @@ from enrichment.training.plan import RATE, Plan
 from enrichment.training.results import write_results
 from slam.data.errors import InputError
 
-PLAN = Plan("tiny", steps=5, crop=(16, 32), batch=2, look=2)
+PLAN = Plan("tiny", steps=5, crop=(16, 32), batch=2, validate_every=2)
 Known = Callable[..., None]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from enrichment.training.pooling import cells_of, in_front, nearest, pooled
+from enrichment.training.pooling import cells_of, in_front, nearest_depth, pooled
 
 
 def test_pixels_of_a_cell() -> None:
@@ -16,7 +16,7 @@ def test_pixels_of_a_cell() -> None:
 
 def test_the_nearest_counts() -> None:
     cells = np.array([[0, 0], [0, 0], [1, 0], [2, 0], [-1, 0]])
-    assert nearest(cells, np.array([4.0, 3, 9, 7, 1]), (1, 2)).tolist() == [[3, 9]]
+    assert nearest_depth(cells, np.array([4.0, 3, 9, 7, 1]), (1, 2)).tolist() == [[3, 9]]
 
 
 def test_planes_keep_their_depth_and_edges_their_nearer_side() -> None:

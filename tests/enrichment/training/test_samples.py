@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from enrichment.training.samples import STEPS, Sample, Source, source
+from enrichment.training.samples import Sample, Source, source
 from slam.data.camera import project, visible
 from slam.data.cloud import Array, PointCloud
+from slam.data.depth_map import DEPTH_SCALE
 from slam.data.errors import InputError
 from slam.data.pose_files import kitti_text
 
@@ -39,10 +40,10 @@ def test_returns_are_the_points_in_the_image(drive: Any) -> None:
     assert len(sample.returns) == inside.sum() > 3000
     expected = np.column_stack([np.round(pixels[inside]), depth[inside], drive.clouds[0].ring[inside]])
     found = np.column_stack([sample.returns[name].astype(float) for name in ("column", "row", "depth", "ring")])
-    found[:, 2] /= STEPS
+    found[:, 2] /= DEPTH_SCALE
     # each has its like among the others: the same ring, within half a pixel and half a step
     order, wanted = np.lexsort(found.T[[2, 1, 0, 3]]), np.lexsort(expected.T[[2, 1, 0, 3]])
-    np.testing.assert_allclose(found[order], expected[wanted], atol=0.51 / STEPS)
+    np.testing.assert_allclose(found[order], expected[wanted], atol=0.51 / DEPTH_SCALE)
     assert sample.image.shape == (40, 120, 3)
     assert sample.ring_step == 4
 
@@ -55,7 +56,7 @@ def test_the_target_has_all_rings_that_the_camera_sees(drive: Any) -> None:
     known = np.zeros((80, 240), bool)
     known[row, column] = True
     np.testing.assert_array_equal(target > 0, known)
-    assert (target[row, column] <= depth[seen] + 0.51 / STEPS).all()
+    assert (target[row, column] <= depth[seen] + 0.51 / DEPTH_SCALE).all()
 
 
 def test_neighbouring_scans_fill_in_between(drive: Any, dense: PointCloud) -> None:

@@ -16,10 +16,11 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from enrichment.training.pack import Pack
-from enrichment.training.pooling import cells_of, nearest
-from enrichment.training.samples import STEPS, Sample
+from enrichment.training.pooling import cells_of, nearest_depth
+from enrichment.training.samples import Sample
 from slam.data.camera import visible
 from slam.data.cloud import Array
+from slam.data.depth_map import DEPTH_SCALE
 from slam.data.errors import InputError
 
 #: Now and then twice as many rings or half as many, that a network does not know 16 alone.
@@ -49,7 +50,7 @@ class Window(NamedTuple):
         return values[self.top : self.top + self.height, self.left : self.left + self.width]
 
 
-class Drawn(Dataset[Example]):
+class TrainingImages(Dataset[Example]):
     """`count` examples to train on, of `crop` cells (height, width), from number `first` on.
 
     All frames of the packs come once, in a new order each time, before one comes again.
@@ -63,12 +64,12 @@ class Drawn(Dataset[Example]):
         return self._count
 
     def __getitem__(self, index: int) -> Example:
-        place, rng = in_turn(self._seed, self._first + index, len(self._frames))
+        place, rng = shuffled(self._seed, self._first + index, len(self._frames))
         pack, k = self._frames[place]
-        return drawn(pack[k], self._crop, rng)
+        return random_example(pack[k], self._crop, rng)
 
 
-def in_turn(seed: int, number: int, count: int) -> tuple[int, np.random.Generator]:
+def shuffled(seed: int, number: int, count: int) -> tuple[int, np.random.Generator]:
     """Which of `count` frames example `number` is made of, and what draws the rest of it.
 
     All frames come once, in a new order each time, before one comes again.
@@ -78,7 +79,7 @@ def in_turn(seed: int, number: int, count: int) -> tuple[int, np.random.Generato
     return int(order[place]), np.random.default_rng((seed, 1, number))
 
 
-class Whole(Dataset[Example]):
+class ValidationImages(Dataset[Example]):
     """The frames of packs to validate on: whole, the LiDAR's usual sparse rings from the first one on."""
 
     def __init__(self, packs: Sequence[Pack]) -> None:
@@ -95,25 +96,25 @@ class Whole(Dataset[Example]):
         return _example(sample.image, sparse(sample, window, sample.ring_step, 0), sample.target)
 
 
-def drawn(sample: Sample, crop: tuple[int, int], rng: np.random.Generator) -> Example:
+def random_example(sample: Sample, crop: tuple[int, int], rng: np.random.Generator) -> Example:
     """A random example of that sample: rings first, then the window, a mirror and the light."""
     step = max(int(sample.ring_step * rng.choice((0.5, 1, 2), p=(FINER, 1 - FINER - COARSER, COARSER))), 2)
     phase = int(rng.integers(step))
     top, left = (int(rng.integers(room + 1)) for room in np.subtract(sample.target.shape, crop))
     window = Window(top, left, *crop)
     image, depth = window.cut(sample.image), sparse(sample, window, step, phase)
-    target = window.cut(np.where(looked_at(sample), sample.target, np.float32(0)))
+    target = window.cut(np.where(near_returns(sample), sample.target, np.float32(0)))
     if rng.random() < 0.5:
         image, depth, target = image[:, ::-1], depth[:, ::-1], target[:, ::-1]
-    return _example(in_other_light(image, rng), depth, target)
+    return _example(colour_jitter(image, rng), depth, target)
 
 
-def looked_at(sample: Sample) -> Array:
+def near_returns(sample: Sample) -> Array:
     """(H, W) bool: the cells near returns of any ring. Exact depth is known above them too, up to the roofs: half of
     its squared error would come from there, where no input tells anything and nobody asks."""
     returns = sample.returns
     cells = cells_of(np.column_stack([returns["column"], returns["row"]]).astype(float), sample.scale)
-    measured = nearest(cells, returns["depth"] / STEPS, (sample.target.shape[0], sample.target.shape[1])) > 0
+    measured = nearest_depth(cells, returns["depth"] / DEPTH_SCALE, sample.target.shape[:2]) > 0
     return np.asarray(cv2.dilate(measured.astype(np.uint8), np.ones((NEAR, NEAR), np.uint8)) > 0)
 
 
@@ -128,12 +129,12 @@ def sparse(sample: Sample, window: Window, step: int, phase: int) -> Array:
     inside = ((cells >= 0) & (cells < (window.width, window.height))).all(axis=1)
     corner = np.floor(np.array([window.left, window.top]) / sample.scale)
     shape = tuple(int(size / sample.scale) + 2 for size in (window.height, window.width))
-    depth = returns["depth"][inside] / STEPS
+    depth = returns["depth"][inside] / DEPTH_SCALE
     shown = visible(pixels[inside] - corner, depth, shape)
-    return nearest(cells[inside][shown], depth[shown], (window.height, window.width))
+    return nearest_depth(cells[inside][shown], depth[shown], (window.height, window.width))
 
 
-def in_other_light(image: Array, rng: np.random.Generator) -> Array:
+def colour_jitter(image: Array, rng: np.random.Generator) -> Array:
     """An image (H, W, 3) uint8 with other brightness, contrast and saturation."""
     brightness, contrast, saturation = rng.uniform(1 - LIGHT, 1 + LIGHT, 3).astype(np.float32)
     colours = image.astype(np.float32) * brightness

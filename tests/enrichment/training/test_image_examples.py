@@ -12,10 +12,18 @@ from hypothesis import strategies as st
 
 from enrichment.geometry.image_rays import see
 from enrichment.geometry.sparse_scan import SparseScan
-from enrichment.methods.onnx_network import coarser
-from enrichment.training.drawing import Drawn, Example, Whole, Window, drawn, require_crop, sparse
+from enrichment.methods.onnx_network import downsampled
+from enrichment.training.image_examples import (
+    Example,
+    TrainingImages,
+    ValidationImages,
+    Window,
+    random_example,
+    require_crop,
+    sparse,
+)
 from enrichment.training.pack import Pack
-from enrichment.training.samples import STEPS
+from slam.data.depth_map import DEPTH_SCALE
 from slam.data.errors import InputError
 
 CROP = (16, 32)
@@ -27,10 +35,10 @@ def test_the_input_is_what_a_sparse_lidar_gives_where_the_network_is_used(drive:
     frame = drive[0]
     rings = np.arange(64)
     scan = SparseScan(frame.cloud, drive.sensor, rings, frame.read_image, frame.calibration)
-    expected = coarser(see(scan.without(rings[rings % 4 != phase])).image, 0.5)
+    expected = downsampled(see(scan.without(rings[rings % 4 != phase])).image, 0.5)
     found = sparse(pack[0], WHOLE, 4, phase)
     assert (found > 0).sum() > 500
-    np.testing.assert_allclose(found, expected, atol=0.51 / STEPS)
+    np.testing.assert_allclose(found, expected, atol=0.51 / DEPTH_SCALE)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -42,7 +50,7 @@ def test_an_example_has_the_returns_of_one_comb_of_rings_alone(pack: Pack, seed:
     returns["depth"] = (returns["ring"].astype(int) + 1) * 256
     cells = np.arange(1, sample.target.size + 1, dtype=np.float32).reshape(sample.target.shape)
     sample = replace(sample, returns=returns, target=cells)
-    _, depth, target = drawn(sample, CROP, np.random.default_rng(seed))
+    _, depth, target = random_example(sample, CROP, np.random.default_rng(seed))
     rings = np.unique(depth[depth > 0].numpy()) - 1
     assert any(len(np.unique(rings % step)) <= 1 for step in (2, 4, 8))
     # each is where that ring has a return; in a mirrored crop, too
@@ -58,7 +66,7 @@ def test_image_and_target_are_of_the_same_cells(pack: Pack, seed: int) -> None:
     sample = pack[0]
     target = np.arange(1, sample.target.size + 1, dtype=np.float32).reshape(sample.target.shape)
     grey = np.repeat(np.arange(120, dtype=np.uint8)[None, :, None] + 60, 40, axis=0) * np.ones(3, np.uint8)
-    image, _, cells = drawn(replace(sample, image=grey, target=target), CROP, np.random.default_rng(seed))
+    image, _, cells = random_example(replace(sample, image=grey, target=target), CROP, np.random.default_rng(seed))
     assert image.shape == (3, *CROP)
     known = (cells[0] > 0).all(dim=1).numpy()  # rows near returns
     assert known.any()
@@ -72,19 +80,19 @@ def test_image_and_target_are_of_the_same_cells(pack: Pack, seed: int) -> None:
 
 
 def test_examples_follow_from_seed_and_number_alone(pack: Pack) -> None:
-    whole, rest = Drawn([pack], CROP, 7, 0, 8), Drawn([pack], CROP, 7, 5, 3)
+    whole, rest = TrainingImages([pack], CROP, 7, 0, 8), TrainingImages([pack], CROP, 7, 5, 3)
     for number in range(3):
         for one, other in zip(whole[5 + number], rest[number], strict=True):
             np.testing.assert_array_equal(one, other)
-    other_seed = Drawn([pack], CROP, 8, 0, 8)
+    other_seed = TrainingImages([pack], CROP, 8, 0, 8)
     assert any((one.image != other.image).any() for one, other in zip(whole, other_seed, strict=True))
 
 
 def test_all_frames_come_before_one_comes_again(pack: Pack, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[int] = []
     monkeypatch.setattr(Pack, "__getitem__", lambda _, k: seen.append(k) or k)
-    monkeypatch.setattr("enrichment.training.drawing.drawn", lambda *_: Example(*(3 * [None])))  # type: ignore[list-item]
-    examples = Drawn([pack], CROP, 0, 0, 9)
+    monkeypatch.setattr("enrichment.training.image_examples.random_example", lambda *_: Example(*(3 * [None])))  # type: ignore[list-item]
+    examples = TrainingImages([pack], CROP, 0, 0, 9)
     for index in range(9):
         examples[index]
     assert [sorted(seen[turn : turn + 3]) for turn in (0, 3, 6)] == [[0, 1, 2]] * 3
@@ -92,7 +100,7 @@ def test_all_frames_come_before_one_comes_again(pack: Pack, monkeypatch: pytest.
 
 
 def test_validation_keeps_every_fourth_ring_of_the_whole_image(pack: Pack) -> None:
-    image, depth, target = Whole([pack])[1]
+    image, depth, target = ValidationImages([pack])[1]
     assert image.shape == (3, 40, 120)
     np.testing.assert_array_equal(depth[0], sparse(pack[1], WHOLE, 4, 0))
     np.testing.assert_array_equal(target[0], pack[1].target)
