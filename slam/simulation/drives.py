@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +82,11 @@ def jam(spacing: float | None = None) -> Drive:
 
 #: The built-in drives by name.
 DRIVES: dict[str, Callable[[float | None], Drive]] = {"loop": loop, "straight": straight, "tunnel": tunnel, "jam": jam}
+
+
+def thinned(drive: Drive, every: int) -> Drive:
+    """The first of every so many frames, at their times."""
+    return replace(drive, stamps=drive.stamps[::every], position=drive.position[::every], yaw=drive.yaw[::every])
 
 
 def from_file(path: Path, spacing: float | None = None) -> Drive:

@@ -26,7 +26,7 @@ from slam.data.machine import usable_cores
 from slam.data.pose_files import kitti_text
 from slam.data.sensor import load_sensor
 from slam.simulation.camera import CAMERA
-from slam.simulation.drives import built_in, from_file
+from slam.simulation.drives import built_in, from_file, thinned
 from slam.simulation.rig import TR, Rig
 
 SEQUENCE = "00"
@@ -43,6 +43,7 @@ class Settings:
     drive       a built-in drive, unless
     trajectory  names a file of poses
     spacing     metres between frames; None: ten frames a second
+    every       2 takes every other one of these frames, and so on
     sensor      hdl64 or vlp16
     distort     the car moves while the LiDAR turns, as in KITTI's raw drives
     depth       also write the exact depth of each image and the exact 64-channel scan
@@ -52,6 +53,7 @@ class Settings:
     drive: str = "loop"
     trajectory: Path | None = None
     spacing: float | None = None
+    every: int = 1
     sensor: str = "hdl64"
     distort: bool = False
     seed: int = 0
@@ -65,7 +67,8 @@ class Simulation:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         path, spacing = settings.trajectory, settings.spacing
-        self.drive = from_file(path, spacing) if path else built_in(settings.drive, spacing)
+        drive = from_file(path, spacing) if path else built_in(settings.drive, spacing)
+        self.drive = thinned(drive, settings.every)
 
     def __len__(self) -> int:
         return len(self.drive)
@@ -184,6 +187,7 @@ class Simulation:
         about = {
             "drive": settings.trajectory.name if settings.trajectory else settings.drive,
             "spacing_m": settings.spacing,
+            "every": settings.every,
             "sensor": settings.sensor,
             "distort": settings.distort,
             "seed": settings.seed,

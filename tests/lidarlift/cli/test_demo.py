@@ -26,7 +26,7 @@ def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def test_the_whole_demo(lidarlift: Command, simulated: list[Settings]) -> None:
     result = lidarlift("demo", "--out", "d")
     assert result.code == 0, result.err
-    assert simulated == [Settings(drive="loop", spacing=1.5)]
+    assert simulated == [Settings(drive="loop", every=2)]
     inputs = json.loads(Path("d/compare.json").read_text())["inputs"]
     assert {path.name for path in Path("d").iterdir()} == {*inputs, "compare.json", "compare.md"}
     for channels in ("16", "enriched", "64"):

@@ -7,7 +7,7 @@ from slam.data import se3
 from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.pose_files import kitti_text, tum_text
-from slam.simulation.drives import DRIVES, built_in, from_file
+from slam.simulation.drives import DRIVES, built_in, from_file, thinned
 
 CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])  # T_camera_lidar
 
@@ -33,6 +33,16 @@ def test_a_built_in_drive_is_driven_as_a_car_drives(name: str) -> None:
     moving = speed > 1.0
     heading = np.column_stack([np.cos(drive.yaw[:-1]), np.sin(drive.yaw[:-1])])[moving]
     assert (np.einsum("ij,ij->i", heading, steps[moving]) > 0.99 * np.linalg.norm(steps[moving], axis=1)).all()
+
+
+def test_a_thinned_drive_is_the_same_drive_in_fewer_frames() -> None:
+    drive = built_in("loop")
+    other = thinned(drive, 2)
+    assert len(other) == -(-len(drive) // 2)
+    assert other.stamps[:3] == pytest.approx([0, 0.2, 0.4])
+    np.testing.assert_array_equal(other.position[5], drive.position[10])
+    assert other.yaw[-1] == drive.yaw[::2][-1]
+    assert np.diff(other.way).mean() == pytest.approx(1.5, abs=0.1)
 
 
 def test_the_loop_revisits_streets_in_both_directions() -> None:
