@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slam.data.errors import InputError
+from slam.data.machine import usable_cores
 
 if TYPE_CHECKING:
     from enrichment.training.image_task import ImageTask
@@ -179,7 +180,7 @@ def prepared(plan: Plan, task: Task, options: TrainingOptions, on_step: Callable
     from enrichment.networks.export import load_weights
     from enrichment.training.loop import Training
 
-    training = Training(plan, task, options.out, min(cores() - 1, MOST_WORKERS), on_step)
+    training = Training(plan, task, options.out, min(usable_cores() - 1, MOST_WORKERS), on_step)
     if options.resume:
         training.resume()
     elif options.start is not None:
@@ -204,11 +205,6 @@ def shipped_weights(model: str) -> Path:
 def is_first_process() -> bool:
     """Of several GPUs each has a process of its own, started with the same command line."""
     return os.environ.get("LOCAL_RANK", "0") == "0"
-
-
-def cores() -> int:
-    """CPU cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def require_torch() -> None:

@@ -8,13 +8,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from slam.data.dataset import Dataset, open_dataset
-from slam.simulation.simulation import SEQUENCE, Settings, Simulation
+from slam.simulation.simulation import SEQUENCE, Simulation, SimulationConfig
 
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarlift" / "benchmarks"
 TOWNS = ("loop", "jam", "straight")
 
 
-def simulated(name: str, settings: Settings, frames: Iterable[int] | None = None) -> Dataset:
+def simulated(name: str, settings: SimulationConfig, frames: Iterable[int] | None = None) -> Dataset:
     """The drive in the cache's folder `name`, all of it or at least these frames, simulated where they are missing."""
     simulation, folder = Simulation(settings), CACHE / name
     print(f"{name}: a drive of {len(simulation)} frames in {folder}", file=sys.stderr)
@@ -29,4 +29,4 @@ def simulated(name: str, settings: Settings, frames: Iterable[int] | None = None
 def town(drive: str, camera: bool = False, frames: Iterable[int] | None = None) -> Dataset:
     """One of the town's drives; the scans are the same with a camera."""
     name = f"{drive}-{'camera' if camera else 'every-frame'}"
-    return simulated(name, Settings(drive=drive, camera=camera), frames)
+    return simulated(name, SimulationConfig(drive=drive, camera=camera), frames)

@@ -17,7 +17,7 @@ from slam.data.sensor import load_sensor
 from slam.front_end import RingFrontEnd
 from slam.simulation.mesh import joined
 from slam.simulation.rig import RADIUS, Rig
-from slam.simulation.simulation import Settings, Simulation
+from slam.simulation.simulation import Simulation, SimulationConfig
 
 TOWN, FRAMES = "loop", range(20, 640, 64)
 COVERAGE = 0.8  # share of the trusted points, the surest: those of least sigma for their range
@@ -28,7 +28,7 @@ MEASURED = "measured"
 def flying_pixels(methods: Mapping[str, Method]) -> dict[str, dict[str, float | None]]:
     """By method, over FRAMES: how many trusted points it predicted, the share of them that is in the air, and that of
     the surest. Of the measured points too: a few lie between two surfaces that a pulse met."""
-    rig = Simulation(Settings(drive=TOWN)).rig
+    rig = Simulation(SimulationConfig(drive=TOWN)).rig
     distances: dict[tuple[str, float], list[Array]] = {}
     for frame, past in _frames():
         surfaces = _Surfaces(rig, frame.index)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmarks.common.towns import simulated
 from slam.data.dataset import Dataset
-from slam.simulation.simulation import Settings
+from slam.simulation.simulation import SimulationConfig
 
 DRIVES = ("loop", "05", "06", "07")
 SPACING = 1.5  # m between frames
@@ -22,4 +22,4 @@ def add_drives(parser: argparse.ArgumentParser) -> None:
 def drive(name: str, trajectories: Path) -> Dataset:
     """LiDAR only, simulated where the cache has it not yet."""
     way = None if name == "loop" else trajectories / f"kitti_{name}_ground_truth.txt"
-    return simulated(name, Settings(trajectory=way, spacing=SPACING, camera=False))
+    return simulated(name, SimulationConfig(trajectory=way, spacing=SPACING, camera=False))

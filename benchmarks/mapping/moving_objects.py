@@ -37,7 +37,7 @@ from slam.mapping.picture import map_png
 from slam.odometry import Odometry
 from slam.pipeline import sweep_duration
 from slam.settings import MapSettings
-from slam.simulation.simulation import Settings, Simulation
+from slam.simulation.simulation import Simulation, SimulationConfig
 
 CHANNELS = ("64", "16")
 HEIGHT = 1.73  # m of the LiDAR above the road, KITTI's and the simulated car's
@@ -139,7 +139,7 @@ def _distance_to_what_stands(path: Path) -> Callable[[Array], Array] | None:
         return None
     content = json.loads(about.read_text(encoding="utf-8")) | {"trajectory": None}
     content["spacing"] = content.pop("spacing_m")
-    simulation = Simulation(Settings(**{field.name: content[field.name] for field in fields(Settings)}))
+    simulation = Simulation(SimulationConfig(**{field.name: content[field.name] for field in fields(SimulationConfig)}))
     if not simulation.matches(path):
         raise InputError(f"{path}: simulated by other code than this; write it anew with lidarlift simulate")
     town = simulation.rig.town.around(simulation.drive.position[:, :2].mean(axis=0), 1000.0)

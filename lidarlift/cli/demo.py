@@ -42,12 +42,12 @@ def demo(
     if quick and full:
         raise typer.BadParameter("is the whole drive; leave --quick out", param_hint="--full")
     from slam.data.dataset import open_dataset
-    from slam.simulation.simulation import Settings, Simulation
+    from slam.simulation.simulation import Simulation, SimulationConfig
 
     rows = rows_for(INPUTS)
     for row in rows:
         require_writable(out / row)
-    simulation = Simulation(Settings(drive="loop", every=1 if full else EVERY))
+    simulation = Simulation(SimulationConfig(drive="loop", every=1 if full else EVERY))
     town = _kept(simulation, "demo-full" if full else "demo")
     count = min(QUICK, len(simulation)) if quick else len(simulation)
     missing = simulation.missing(town, count)

@@ -50,10 +50,10 @@ def simulate(
     """
     if drive and trajectory:
         raise typer.BadParameter("is a drive of its own; leave --drive out", param_hint="--trajectory")
-    from slam.simulation.simulation import Settings, Simulation
+    from slam.simulation.simulation import Simulation, SimulationConfig
 
     require_writable(folder)
-    settings = Settings(
+    settings = SimulationConfig(
         drive=drive.value if drive else "loop",
         trajectory=trajectory,
         spacing=spacing,

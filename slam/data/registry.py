@@ -67,9 +67,9 @@ class Registry(Generic[T]):
         own = [EntryPoint(name, self.own[name], self.group or "")] if name in self.own else []
         found = [*own, *(entry for entry in self._added() if entry.name == name)]
         if not found:
-            from slam.data.yaml_files import nearest  # imports numpy, which takes as long as all the rest of --help
+            from slam.data.yaml_files import suggest  # imports numpy, which takes as long as all the rest of --help
 
-            raise InputError(f"unknown {self.kind} '{name}'{nearest(name, self.names())}")
+            raise InputError(f"unknown {self.kind} '{name}'{suggest(name, self.names())}")
         if len(found) > 1:
             packages = " and ".join(_package(entry) for entry in found)
             raise InputError(

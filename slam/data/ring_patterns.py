@@ -9,7 +9,7 @@ import numpy as np
 from slam.data.cloud import Array, PointCloud
 from slam.data.errors import InputError
 from slam.data.sensor import Sensor, load_sensor
-from slam.data.yaml_files import nearest
+from slam.data.yaml_files import suggest
 
 #: The HDL-64E's rings next to the nine VLP-16 beams that lie in its field of view.
 VLP16_RINGS = (5, 11, 17, 23, 29, 34, 38, 42, 46)
@@ -31,7 +31,7 @@ def drop_rings(
     Raises InputError on an unknown pattern or phase, and where the cloud has no rings.
     """
     if pattern not in PATTERNS:
-        raise InputError(f"unknown ring pattern '{pattern}'{nearest(pattern, PATTERNS)}")
+        raise InputError(f"unknown ring pattern '{pattern}'{suggest(pattern, PATTERNS)}")
     if pattern == "every-4th" and phase not in range(4):
         raise InputError(f"phase {phase} of the pattern every-4th; 0 to 3 exist")
     if cloud.ring is None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from slam.data.cloud import Array
 from slam.data.errors import InputError
-from slam.data.yaml_files import nearest, numbers, read_mapping
+from slam.data.yaml_files import numbers, read_mapping, suggest
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ def _is_file(name_or_file: str | Path) -> bool:
 def _built_in(name: str, where: str) -> Sensor:
     key = name.lower().replace("-", "").replace("_", "").replace(" ", "").removesuffix("e")
     if key not in BUILT_IN:
-        hint = nearest(key, BUILT_IN)
+        hint = suggest(key, BUILT_IN)
         raise InputError(f"{where}unknown sensor '{name}'{hint}; other sensors are described in a sensor.yaml")
     return BUILT_IN[key]()
 

@@ -27,11 +27,11 @@ def read_mapping(path: Path, known: Iterable[str]) -> dict[str, Any]:
         raise InputError(f"{path}: lines like 'key: value' are expected, with the keys {', '.join(known)}")
     for key in content:
         if key not in known:
-            raise InputError(f"{path}: unknown key '{key}'{nearest(str(key), known)}")
+            raise InputError(f"{path}: unknown key '{key}'{suggest(str(key), known)}")
     return content
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
+def suggest(word: str, known: Iterable[str]) -> str:
     """The end of an error message on an unknown word: the known word nearest to it, or all of them."""
     known = list(known)
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)

@@ -37,7 +37,7 @@ MOST = 4  # processes: each holds a town
 
 
 @dataclass(frozen=True)
-class Settings:
+class SimulationConfig:
     """What is simulated: equal ones give the same bytes.
 
     drive       a built-in drive, unless
@@ -64,7 +64,7 @@ class Settings:
 class Simulation:
     """A drive that can be written. Raises InputError where its trajectory is no drive."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: SimulationConfig) -> None:
         self.settings = settings
         path, spacing = settings.trajectory, settings.spacing
         drive = from_file(path, spacing) if path else built_in(settings.drive, spacing)
@@ -207,7 +207,7 @@ def processes() -> int:
 _simulation: Simulation  # of a worker
 
 
-def _begin(settings: Settings) -> None:
+def _begin(settings: SimulationConfig) -> None:
     global _simulation
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent answers Ctrl-C
     _simulation = Simulation(settings)

@@ -14,7 +14,7 @@ from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset, open_dataset
 from slam.odometry import Odometry, OdometryStep
 from slam.settings import OdometrySettings
-from slam.simulation.simulation import Settings, Simulation
+from slam.simulation.simulation import Simulation, SimulationConfig
 
 RealData = Callable[[str], Path]
 
@@ -366,7 +366,7 @@ def test_two_runs_are_the_same_bit_for_bit(real_data: RealData, name: str) -> No
 
 def test_a_drive_may_begin_in_a_sharp_corner() -> None:
     """Ten degrees and 1.5 m from the first frame to the second: neither is known yet."""
-    simulation = Simulation(Settings(spacing=1.5, camera=False))
+    simulation = Simulation(SimulationConfig(spacing=1.5, camera=False))
     frames = range(184, 194)
     odometry, poses = Odometry(OdometrySettings()), []
     for number in frames:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import pytest
 
 from lidarlift.cli import main
-from slam.simulation.simulation import Settings
+from slam.simulation.simulation import SimulationConfig
 
 
 class Result(NamedTuple):
@@ -67,12 +67,12 @@ def finished(lidarlift: Callable[..., Result], street_drive: Callable[..., Path]
 
 
 @pytest.fixture
-def simulated(monkeypatch: pytest.MonkeyPatch, street_drive: Callable[..., Path]) -> list[Settings]:
+def simulated(monkeypatch: pytest.MonkeyPatch, street_drive: Callable[..., Path]) -> list[SimulationConfig]:
     """Simulations are copies of the street drive, for a town takes minutes; the list gets the settings of each."""
-    sequence, seen = street_drive(), list[Settings]()
+    sequence, seen = street_drive(), list[SimulationConfig]()
 
     class Street:
-        def __init__(self, settings: Settings) -> None:
+        def __init__(self, settings: SimulationConfig) -> None:
             seen.append(settings)
 
         def __len__(self) -> int:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from slam.session import read_report
-from slam.simulation.simulation import Settings
+from slam.simulation.simulation import SimulationConfig
 
 Command = Callable[..., Any]
 
@@ -23,10 +23,10 @@ def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return tmp_path / "cache" / "lidarlift" / "demo"
 
 
-def test_the_whole_demo(lidarlift: Command, simulated: list[Settings]) -> None:
+def test_the_whole_demo(lidarlift: Command, simulated: list[SimulationConfig]) -> None:
     result = lidarlift("demo", "--out", "d")
     assert result.code == 0, result.err
-    assert simulated == [Settings(drive="loop", every=2)]
+    assert simulated == [SimulationConfig(drive="loop", every=2)]
     inputs = json.loads(Path("d/compare.json").read_text())["inputs"]
     assert {path.name for path in Path("d").iterdir()} == {*inputs, "compare.json", "compare.md"}
     for channels in ("16", "enriched", "64"):
@@ -59,14 +59,14 @@ def test_how_long_it_takes_and_each_row_as_it_is_ready(lidarlift: Command) -> No
     assert re.fullmatch(r"64: ATE 0\.0\d\d m, 0 loops", lines[5])
 
 
-def test_full_is_another_drive(lidarlift: Command, simulated: list[Settings], cache: Path) -> None:
+def test_full_is_another_drive(lidarlift: Command, simulated: list[SimulationConfig], cache: Path) -> None:
     assert lidarlift("demo", "--full").code == 0
-    assert simulated == [Settings(drive="loop")]
+    assert simulated == [SimulationConfig(drive="loop")]
     assert not cache.exists()
     assert (cache.parent / "demo-full" / "sequences").is_dir()
 
 
-def test_quick_and_full_exclude_each_other(lidarlift: Command, simulated: list[Settings]) -> None:
+def test_quick_and_full_exclude_each_other(lidarlift: Command, simulated: list[SimulationConfig]) -> None:
     result = lidarlift("demo", "--quick", "--full")
     assert result.code == 2
     assert "--full" in result.err
@@ -104,7 +104,9 @@ def test_a_cache_that_cannot_be_replaced(lidarlift: Command, cache: Path) -> Non
     assert f"Error: {cache}: " in result.err
 
 
-def test_no_simulation_for_a_folder_that_cannot_be_written(lidarlift: Command, simulated: list[Settings]) -> None:
+def test_no_simulation_for_a_folder_that_cannot_be_written(
+    lidarlift: Command, simulated: list[SimulationConfig]
+) -> None:
     Path("d").write_text("mine")
     lidarlift("demo", "--out", "d").refused("d")
     assert not simulated

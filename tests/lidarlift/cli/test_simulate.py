@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
-from slam.simulation.simulation import Settings
+from slam.simulation.simulation import SimulationConfig
 
 Command = Callable[..., Any]
 
 
-def test_a_drive_that_the_next_command_takes(lidarlift: Command, simulated: list[Settings]) -> None:
+def test_a_drive_that_the_next_command_takes(lidarlift: Command, simulated: list[SimulationConfig]) -> None:
     result = lidarlift("simulate", "my town", "--frames", "3")
     assert result.code == 0, result.err
-    assert simulated == [Settings()]
+    assert simulated == [SimulationConfig()]
     assert len(list(Path("my town/sequences/77/velodyne").iterdir())) == 3
     assert "3 frames of hdl64" in result.out
     assert "frames/s" in result.err
@@ -27,13 +27,13 @@ def test_a_drive_that_the_next_command_takes(lidarlift: Command, simulated: list
     assert Path("runs/my town/metrics.json").exists()
 
 
-def test_every_option_reaches_the_simulation(lidarlift: Command, simulated: list[Settings]) -> None:
+def test_every_option_reaches_the_simulation(lidarlift: Command, simulated: list[SimulationConfig]) -> None:
     options = ["--drive", "jam", "--sensor", "vlp16", "--spacing", "0.5", "--distort", "--seed", "3", "--with-depth"]
     assert lidarlift("simulate", "town", *options).code == 0
     assert lidarlift("simulate", "town", "--trajectory", "poses.txt").code == 0
     assert simulated == [
-        Settings("jam", spacing=0.5, sensor="vlp16", distort=True, seed=3, depth=True),
-        Settings(trajectory=Path("poses.txt")),
+        SimulationConfig("jam", spacing=0.5, sensor="vlp16", distort=True, seed=3, depth=True),
+        SimulationConfig(trajectory=Path("poses.txt")),
     ]
 
 
@@ -51,7 +51,9 @@ def test_no_more_frames_than_the_drive_has(lidarlift: Command) -> None:
         ("--frames", "0"),
     ],
 )
-def test_options_that_make_no_sense(lidarlift: Command, simulated: list[Settings], options: tuple[str, ...]) -> None:
+def test_options_that_make_no_sense(
+    lidarlift: Command, simulated: list[SimulationConfig], options: tuple[str, ...]
+) -> None:
     result = lidarlift("simulate", "town", *options)
     assert result.code == 2
     assert "Usage" in result.err

@@ -20,7 +20,7 @@ SHORT = ("--steps", 2, "--crop", "48x64", "--device", "cpu")
 @pytest.fixture
 def seen(street_drive: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> Path:
     """The street drive with images of its right side."""
-    monkeypatch.setattr("lidarlift.training.cores", lambda: 1)  # processes would take seconds to start
+    monkeypatch.setattr("lidarlift.training.usable_cores", lambda: 1)  # processes would take seconds to start
     sequence = street_drive()
     (sequence / "image_2").mkdir()
     for number in range(8):

@@ -10,13 +10,13 @@ from slam.data import se3
 from slam.data.beams import recover_rings
 from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
-from slam.simulation.simulation import Settings, Simulation
+from slam.simulation.simulation import Simulation, SimulationConfig
 
 
 @pytest.fixture(scope="module")
 def jam(tmp_path_factory: pytest.TempPathFactory) -> tuple[Simulation, Path]:
     """Three frames of the jam, with all the truth there is."""
-    simulation, folder = Simulation(Settings(drive="jam", depth=True)), tmp_path_factory.mktemp("town") / "jam"
+    simulation, folder = Simulation(SimulationConfig(drive="jam", depth=True)), tmp_path_factory.mktemp("town") / "jam"
     simulation.write(folder, 3)
     return simulation, folder
 
@@ -76,7 +76,7 @@ def test_a_recorded_scan_is_the_exact_one_with_errors(jam: tuple[Simulation, Pat
 
 def test_the_same_settings_give_the_same_bytes(jam: tuple[Simulation, Path], tmp_path: Path) -> None:
     _, folder = jam
-    again = Simulation(Settings(drive="jam", depth=True))
+    again = Simulation(SimulationConfig(drive="jam", depth=True))
     again.write(tmp_path / "again", 3)
     assert contents(tmp_path / "again") == contents(folder)
 
@@ -124,9 +124,11 @@ def test_a_broken_off_simulation_goes_on(jam: tuple[Simulation, Path], tmp_path:
     assert contents(tmp_path / "jam") == contents(folder)
 
 
-@pytest.mark.parametrize("other", [Settings(drive="jam", seed=1, depth=True), Settings(drive="jam"), Settings()])
+@pytest.mark.parametrize(
+    "other", [SimulationConfig(drive="jam", seed=1, depth=True), SimulationConfig(drive="jam"), SimulationConfig()]
+)
 def test_a_folder_with_another_simulation_is_left_alone(
-    jam: tuple[Simulation, Path], tmp_path: Path, other: Settings
+    jam: tuple[Simulation, Path], tmp_path: Path, other: SimulationConfig
 ) -> None:
     _, folder = jam
     shutil.copy(folder / "simulation.json", tmp_path / "simulation.json")
@@ -138,14 +140,14 @@ def test_a_folder_with_another_simulation_is_left_alone(
 def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(InputError, match="holds something else"):
-        Simulation(Settings(drive="jam")).write(tmp_path, 1)
+        Simulation(SimulationConfig(drive="jam")).write(tmp_path, 1)
     assert contents(tmp_path) == {"thesis.tex": b"years of work"}
 
 
 def test_a_folder_that_cannot_be_made_is_an_error_of_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written") as error:
-        Simulation(Settings(drive="jam")).write(tmp_path / "file" / "town", 1)
+        Simulation(SimulationConfig(drive="jam")).write(tmp_path / "file" / "town", 1)
     assert "\n" not in str(error.value)
 
 
@@ -171,7 +173,7 @@ def test_a_full_disk_leaves_no_half_file(
 
 
 def test_a_distorted_drive_is_deskewed_by_its_times(tmp_path: Path) -> None:
-    simulation = Simulation(Settings(drive="straight", distort=True, sensor="vlp16"))
+    simulation = Simulation(SimulationConfig(drive="straight", distort=True, sensor="vlp16"))
     simulation.write(tmp_path / "town", 2)
     data = open_dataset(tmp_path / "town")
     assert data.sensor is not None
@@ -185,7 +187,7 @@ def test_a_distorted_drive_is_deskewed_by_its_times(tmp_path: Path) -> None:
 
 def test_without_a_camera_the_scans_are_the_same(jam: tuple[Simulation, Path], tmp_path: Path) -> None:
     _, folder = jam
-    Simulation(Settings(drive="jam", camera=False)).write(tmp_path / "jam", 1)
+    Simulation(SimulationConfig(drive="jam", camera=False)).write(tmp_path / "jam", 1)
     scan = Path("sequences/00/velodyne/000000.bin")
     assert (tmp_path / "jam" / scan).read_bytes() == (folder / scan).read_bytes()
     assert not (tmp_path / "jam/sequences/00/image_2").exists()
