@@ -18,6 +18,7 @@ BodyFrame = Literal["lidar", "camera", "unknown"]
 #: does not stand out: then the frame is unknown.
 MIN_DISTANCE = 2.0
 MIN_SHARE = 0.8
+ROUNDING = 1e-2  # of R^T R, as text files keep rotations
 
 
 def body_frame(poses: Array) -> BodyFrame:
@@ -94,10 +95,10 @@ def read_camera0_calibration(path: Path) -> Array:
     return T
 
 
-def is_rotation(poses: Array, tolerance: float = 1e-2) -> bool:
+def is_rotation(poses: Array) -> bool:
     """Whether the 3x3 parts of a pose (4, 4) or of poses (N, 4, 4) are rotations, up to a text file's rounding."""
     R = poses[..., :3, :3]
-    orthonormal = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max() < tolerance
+    orthonormal = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max() < ROUNDING
     return bool(orthonormal and (np.linalg.det(R) > 0).all())
 
 

@@ -16,6 +16,7 @@ from hypothesis import settings
 
 from slam.data import se3
 from slam.data.cloud import Array
+from slam.data.machine import cache_folder
 from slam.data.sensor import load_sensor
 
 # No test fails by the clock: on a busy machine, or where a kernel is compiled on its first call, examples take longer.
@@ -39,7 +40,7 @@ def archives() -> Path:
 @pytest.fixture(scope="session")
 def real_data(archives: Path) -> Callable[[str], Path]:
     """`real_data("kitti_raw_0013")` is the folder of that archive, unpacked on first use."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarlift" / "data"
+    cache = cache_folder("data")
 
     def unpacked(name: str) -> Path:
         if not (archives / f"{name}.tar").is_file():

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterable
-from pathlib import Path
 
 from slam.data.dataset import Dataset, open_dataset
+from slam.data.machine import cache_folder
 from slam.simulation.simulation import SEQUENCE, Simulation, SimulationConfig
 
-CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarlift" / "benchmarks"
+CACHE = cache_folder("benchmarks")
 TOWNS = ("loop", "jam", "straight")
 
 

@@ -124,9 +124,9 @@ class PointToPlane(Peer):
 class DenseGicp(Peer):
     """The yardstick, slow and dense: GICP against the last scans at a quarter of a metre, kept point by point."""
 
-    def __init__(self, vertical_correction: float, threads: int = 2, scans: int = 20) -> None:
-        super().__init__(vertical_correction, threads)
-        self.scans: deque[Array] = deque(maxlen=scans)
+    def __init__(self, vertical_correction: float) -> None:
+        super().__init__(vertical_correction, threads=2)
+        self.scans: deque[Array] = deque(maxlen=20)
 
     def align(self, xyz: Array, guess: Array) -> Array:
         source, _ = small_gicp.preprocess_points(crop(xyz), 0.25, num_threads=self.threads)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,6 +15,7 @@ from lidarlift.cli.forecast import Forecast
 from lidarlift.comparing import INPUTS, compare_into, rows_for, title_of
 from slam.data.atomic import require_writable
 from slam.data.errors import InputError
+from slam.data.machine import cache_folder
 
 if TYPE_CHECKING:
     from slam.settings import Config
@@ -80,7 +80,7 @@ def demo(
 def _kept(simulation: Simulation, name: str) -> Path:
     """The folder in the user's cache where the drive stays for the next time, whole or in part: a demo that was broken
     off goes on, and the whole drive after its beginning. What an older version left there is removed."""
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarlift" / name
+    folder = cache_folder(name)
     if not simulation.matches(folder):
         try:
             shutil.rmtree(folder)

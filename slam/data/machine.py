@@ -1,9 +1,15 @@
-"""What the machine gives this process: processor cores and memory."""
+"""What the machine gives this process: processor cores, memory and a place to keep things."""
 
 from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
+
+
+def cache_folder(name: str) -> Path:
+    """Where the user's cache keeps what `lidarlift` makes or unpacks once, in a folder of that name."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarlift" / name
 
 
 def usable_cores() -> int:
