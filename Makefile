@@ -7,8 +7,17 @@ RUNTIME := $(VENV)/.ready-runtime
 DEV := $(VENV)/.ready-dev
 BENCHMARKS := $(VENV)/.ready-benchmarks
 
+PYTEST := $(BIN)/pytest -n 2 --dist loadfile
+
+# What numpy, OpenBLAS, numba, PyTorch, OpenCV and the C library choose where a CPU has nothing newer than SSE. ONNX
+# Runtime and Embree have no such switch.
+SIMD := import numpy; print(*numpy.show_config("dicts")["SIMD Extensions"].get("found", []))
+PLAIN := NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= NUMBA_CACHE_DIR="$(CURDIR)/.pytest_cache/numba" \
+    OPENBLAS_CORETYPE=Prescott MKL_ENABLE_INSTRUCTIONS=SSE4_2 ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 \
+    OPENCV_CPU_DISABLE=AVX512-SKX,AVX2,AVX,FP16,FMA3 GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX512F,-AVX2,-FMA,-AVX
+
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint wheel benchmark clean
+.PHONY: help setup demo test portable lint wheel benchmark clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -19,7 +28,10 @@ demo: $(RUNTIME) ## no data needed: simulate a drive, run it at 16 and 64 channe
 	@$(BIN)/lidarlift demo $(ARGS)
 
 test: $(DEV) ## run the tests (ARGS="-k ndt" for some of them; real drives: see CONTRIBUTING.md)
-	@$(BIN)/pytest -n 2 $(ARGS)
+	@$(PYTEST) $(ARGS)
+
+portable: $(DEV) ## run the tests with the plainest kernels of every library: none may depend on how a CPU rounds
+	@env NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python -c '$(SIMD)')" $(PLAIN) $(PYTEST) $(ARGS)
 
 lint: $(DEV) ## check style, types and the import contract
 	@$(BIN)/ruff check .

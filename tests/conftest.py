@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
+
+# Read by numpy and torch as they are imported: the workers of a run share the cores, and threads that wait spin.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import fcntl
 import subprocess
 import sys
 import tempfile

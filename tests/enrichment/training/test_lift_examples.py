@@ -104,7 +104,7 @@ def test_the_past_is_of_the_scans_before(drive: Any) -> None:
     assert len(found) == 2
     for k, (cloud, T_now_then) in enumerate(found):
         assert cloud is moved.clouds[k]
-        np.testing.assert_allclose(T_now_then[:3, 3], [k - 2.0, 0, 0])
+        np.testing.assert_allclose(T_now_then[:3, 3], [k - 2.0, 0, 0], atol=1e-9)
     assert past_of(moved, 0) == []
     assert len(past_of(moved, 2, 1)) == 1
     has_past = ValidationScans([moved])[2].candidates[0, Candidate.PAST] > 0
@@ -126,8 +126,9 @@ def test_alike_scans_are_learned_from_together(drive: Any) -> None:
     """The loss does not depend on the order, and scans of other rings may be among them."""
     torch.manual_seed(0)
     task, network = LiftTask([drive], []), Lift().eval()
-    batch = [TrainingScans([drive], False, seed, 0, 1)[0] for seed in range(6)]
-    assert len({scan.rays.shape for scan in batch}) > 1
+    batch = [TrainingScans([drive], False, seed, 0, 1)[0] for seed in (2, 3, 4)]
+    assert [scan.rays.shape[2] for scan in batch] == [45, 49, 45]
     plan = Plan("lift", 1)
-    one, other = task.loss(network, batch, plan), task.loss(network, batch[::-1], plan)
+    with torch.no_grad():
+        one, other = task.loss(network, batch, plan), task.loss(network, batch[::-1], plan)
     torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-4)

@@ -28,7 +28,7 @@ ODOMETRY = [
     "timings.csv",
 ]  # what is known before loops
 STUCK = """
-import sys, time
+import signal, sys, time
 from lidarlift.cli import main
 from slam.graph.back_end import BackEnd
 
@@ -37,6 +37,7 @@ def settle(self):
     time.sleep(600)
 
 BackEnd.settle = settle
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have what they start in the background ignore it
 main()
 """
 

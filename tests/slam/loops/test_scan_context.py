@@ -83,7 +83,7 @@ def test_descriptor_of_a_literal_cloud() -> None:
     expected[0, 0] = 3 + 2  # the higher of two
     expected[1, 2] = -0.5 + 2
     # below the ground, beyond the range, not finite: empty
-    np.testing.assert_allclose(descriptor(np.array(xyz, np.float32), SMALL), expected)
+    np.testing.assert_allclose(descriptor(np.array(xyz, np.float32), SMALL), expected, rtol=1e-6)
     np.testing.assert_allclose(ring_key(expected), [5 / 4, 1.5 / 4, 0])
 
 
@@ -246,7 +246,9 @@ def test_submap_joins_what_lies_within_its_length() -> None:
     poses = np.tile(np.eye(4), (4, 1, 1))
     poses[:, 0, 3] = travelled = np.array([0.0, 4.0, 8.0, 10.0])
     clouds = [np.array([[0.0, 1.0, float(k)]], np.float32) for k in range(4)]
-    np.testing.assert_allclose(levelled_submap(clouds, poses, travelled, 6.0), [[-6, 1, 1], [-2, 1, 2], [0, 1, 3]])
+    np.testing.assert_allclose(
+        levelled_submap(clouds, poses, travelled, 6.0), [[-6, 1, 1], [-2, 1, 2], [0, 1, 3]], atol=1e-5
+    )
 
 
 def test_submap_is_level_and_looks_ahead() -> None:

@@ -51,7 +51,7 @@ def test_centroids_follow_the_weights() -> None:
     xyz = np.array([[1.0, 1.0, 1.0], [1.4, 1.8, 1.0], [7.5, 0.5, 0.5]], np.float32)
     centroids, weights, _ = VoxelFilter(1.0)(xyz, np.array([3, 1, 0.25], np.float32))
     np.testing.assert_allclose(centroids, [[1.1, 1.2, 1.0], [7.5, 0.5, 0.5]], atol=1e-6)
-    np.testing.assert_allclose(weights, [2, 0.25])
+    np.testing.assert_allclose(weights, [2, 0.25], rtol=1e-6)
 
 
 def test_cells_on_both_sides_of_the_origin_are_different() -> None:
