@@ -78,7 +78,7 @@ def mapped(scans: list[PointCloud], poses: Array, *overrides: str) -> MappingRes
 
 
 @pytest.fixture(scope="module")
-def mapping(scans: list[PointCloud]) -> Mapping:
+def mapping(scans: list[PointCloud]) -> MappingResult:
     return mapped(scans, drifting(way()))
 
 
@@ -86,7 +86,7 @@ def distance(poses: Array, truth: Array) -> Array:
     return np.linalg.norm(poses[:, :3, 3] - truth[:, :3, 3], axis=1)
 
 
-def test_a_loop_takes_the_drift_away(mapping: Mapping) -> None:
+def test_a_loop_takes_the_drift_away(mapping: MappingResult) -> None:
     truth = way()
     odometry = drifting(truth)
     corrected = mapping.corrected(odometry)
@@ -102,7 +102,7 @@ def test_a_loop_takes_the_drift_away(mapping: Mapping) -> None:
             assert np.linalg.norm(error[:3, 3]) < 0.5
 
 
-def test_it_is_the_same_every_time(mapping: Mapping, scans: list[PointCloud]) -> None:
+def test_it_is_the_same_every_time(mapping: MappingResult, scans: list[PointCloud]) -> None:
     again = mapped(scans, drifting(way()))
     assert mapping.poses.tobytes() == again.poses.tobytes()
     assert mapping.map.xyz.tobytes() == again.map.xyz.tobytes()
