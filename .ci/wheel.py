@@ -32,7 +32,7 @@ NOT_THERE = ("torch", "lightning", "onnx", "pytest_cov", "hypothesis", "mypy")  
 
 
 def main(out: Path) -> None:
-    run(sys.executable, "-m", "build", "--outdir", out, REPOSITORY)
+    run(sys.executable, "-m", "build", "--quiet", "--outdir", out, REPOSITORY)
     wheel = max(out.glob("lidarlift-*.whl"), key=lambda path: path.stat().st_mtime)
     check_contents(wheel)
     with tempfile.TemporaryDirectory(prefix="lidarlift-wheel-") as name:

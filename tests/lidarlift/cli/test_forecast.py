@@ -48,8 +48,8 @@ def test_never_less_than_ten_seconds() -> None:
     assert str(Forecast({"16": 0.1}, timed=lambda: USUAL)) == "about 10 seconds"
 
 
-def test_the_timing_is_of_a_fraction_of_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_timing_takes_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lidarlift.cli.forecast.LOOPS", 1000)
     few = timed_loops()
     monkeypatch.setattr("lidarlift.cli.forecast.LOOPS", 100_000)
-    assert 0 < few < timed_loops() < 1
+    assert 0 < few < timed_loops()
