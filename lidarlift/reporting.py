@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from slam.data.problem import Problem
 
+#: A task of so many steps with a title, as a context; its value is called once a step.
+Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
+
 log = logging.getLogger("lidarlift")
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -24,10 +23,8 @@ if TYPE_CHECKING:
     from enrichment.training.plan import Plan
     from enrichment.training.samples import Source
     from enrichment.training.task import Task
+    from lidarlift.reporting import Progress
     from slam.data.dataset import Dataset
-
-#: A progress bar: from a title and a total to a context, whose value is called for each frame.
-Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 
 EPOCHS = 20
 ADAPTING_RATE = 3e-4  # highest learning rate: what was learned before is not to be lost
