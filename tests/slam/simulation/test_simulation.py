@@ -173,7 +173,7 @@ def test_a_full_disk_leaves_no_half_file(
 
 
 def test_a_distorted_drive_is_deskewed_by_its_times(tmp_path: Path) -> None:
-    simulation = Simulation(SimulationConfig(drive="straight", distort=True, sensor="vlp16"))
+    simulation = Simulation(SimulationConfig(drive="jam", distort=True, sensor="vlp16"))
     simulation.write(tmp_path / "town", 2)
     data = open_dataset(tmp_path / "town")
     assert data.sensor is not None
