@@ -52,7 +52,7 @@ def main(out: Path) -> None:
             command,
             "run",
             folder / "cache" / "lidarlift" / "demo",
-            *"--frames 0:5 --input enriched".split(),
+            *["--frames", "0:5", "--input", "enriched"],
             cwd=folder,
         )
     print(f"{wheel}: whole; runs without torch, and without the networks' weights")
