@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lidarlift.front_ends import FEW_RINGS, input_name
+from lidarlift.front_ends import FEW_RINGS, TRAINING_FREE, input_name, with_runnable_enricher
 from lidarlift.reporting import Quiet, Reporter
 from lidarlift.running import run_into
 from slam.config import load_config
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from slam.settings import Config
 
 INPUTS = ("16", "enriched", "64")
-TRAINING_FREE = "ray-segment"  # an enricher, and its row
 
 
 def compare(
@@ -76,20 +75,16 @@ def rows_for(
     config: str | Path | None = None,
     overrides: Sequence[str] = (),
 ) -> dict[str, Config]:
-    """The settings of each row: the inputs, and ray-segment before another enricher, if that can run here.
+    """The settings of each row: the inputs, and ray-segment before another enricher.
 
     Raises:
-        InputError: As `load_config` and, on the enricher's name, `Registry.load`.
+        InputError: As `load_config` and `with_runnable_enricher`.
     """
-    from enrichment.methods.registry import METHODS, runnable
-
     rows = {}
     for channels in inputs:
-        settings = load_config(config, overrides, input=channels, enricher=enricher)
-        if channels == "enriched":
-            METHODS.load(settings.front_end.enricher)  # a wrong name is refused before the first row is run
-            if settings.front_end.enricher in set(runnable()) - {TRAINING_FREE}:
-                rows[TRAINING_FREE] = load_config(config, overrides, input=channels, enricher=TRAINING_FREE)
+        settings = with_runnable_enricher(load_config(config, overrides, input=channels, enricher=enricher))
+        if channels == "enriched" and settings.front_end.enricher != TRAINING_FREE:
+            rows[TRAINING_FREE] = load_config(config, overrides, input=channels, enricher=TRAINING_FREE)
         rows[channels] = settings
     return rows
 

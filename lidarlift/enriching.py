@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lidarlift.front_ends import front_end_for
-from slam.config import load_config
+from lidarlift.front_ends import front_end_for, settings_for
 
 if TYPE_CHECKING:
     from slam.data.cloud import Frame, PointCloud
@@ -51,7 +50,7 @@ def enrich(
     from slam.data.dataset import chosen_positions, open_dataset
 
     data = open_dataset(dataset, sequence, sensor) if isinstance(dataset, str | Path) else dataset
-    settings = load_config(config, overrides, input="enriched", enricher=enricher).front_end
+    settings = settings_for(data.sensor, "enriched", enricher, config, overrides).front_end
     front_end = front_end_for(settings, data.sensor, data.path)
     recorded = (data[position] for position in chosen_positions(data, frames))
     return ((frame, front_end(frame, ())) for frame in recorded)

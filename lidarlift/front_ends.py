@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +16,10 @@ if TYPE_CHECKING:
     from slam.front_end import FrontEnd
     from slam.settings import FrontEndSettings
 
+log = logging.getLogger("lidarlift")
+
 FEW_RINGS = 16  # a sensor that has no more is taken as it is
+TRAINING_FREE = "ray-segment"  # the method that needs no weights
 
 
 def settings_for(
@@ -35,7 +39,7 @@ def settings_for(
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
 
     Raises:
-        InputError: The sensor does not have what is asked for, or as `load_config`.
+        InputError: The sensor does not have what is asked for, or as `load_config` and `with_runnable_enricher`.
         ValueError: Complete settings and others beside them are given.
     """
     if isinstance(config, Config):
@@ -48,7 +52,28 @@ def settings_for(
     settings = load_config(config, overrides, input=input or ("16" if few else None), enricher=enricher)
     if enricher and settings.front_end.input != "enriched":
         raise InputError(f"--enricher {enricher}: nothing is filled in here; add --input enriched")
-    return settings
+    return with_runnable_enricher(settings)
+
+
+def with_runnable_enricher(settings: Config) -> Config:
+    """The same settings, or with ray-segment where their enricher is a network whose weights are not installed.
+
+    Settings, titles and run.json then name the method that really runs; the log says so.
+
+    Raises:
+        InputError: As `Registry.load`, on the name of the enricher.
+    """
+    from enrichment.methods.registry import METHODS, runnable
+
+    name = settings.front_end.enricher
+    if settings.front_end.input != "enriched":
+        return settings
+    METHODS.load(name)  # a wrong name or a broken package is refused before any work begins
+    if name in runnable():
+        return settings
+    log.warning("%s: its weights are not installed; %s takes its place", name, TRAINING_FREE)
+    front_end = settings.front_end.model_copy(update={"enricher": TRAINING_FREE})
+    return settings.model_copy(update={"front_end": front_end})
 
 
 def front_end_for(settings: FrontEndSettings, sensor: Sensor | None, name: object) -> FrontEnd:

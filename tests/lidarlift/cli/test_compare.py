@@ -56,6 +56,21 @@ def test_a_network_without_weights_is_ray_segment_and_has_no_row_beside_it(
     assert list(rows_for(INPUTS)) == ["16", *(["ray-segment"] if there else []), "enriched", "64"]
 
 
+def test_a_run_names_the_method_that_fills_in(
+    lidarlift: Command,
+    street_drive: Callable[..., Path],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Without the weights ray-segment does, and nothing is called Lift's."""
+    monkeypatch.setattr("enrichment.methods.onnx_network.has_weights", lambda _: False)
+    assert lidarlift("run", street_drive(), "--input", "enriched", "--out", "r", "--frames", "0:2").code == 0
+    assert enricher_of(Path("r")) == "ray-segment"
+    assert [record.getMessage() for record in caplog.records] == [
+        "lift: its weights are not installed; ray-segment takes its place"
+    ]
+
+
 def test_a_sensor_of_sixteen_rings_has_no_64(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     folder = own_folder(street_drive())
     result = lidarlift("compare", folder, "--out", "c", "--frames", "0:3", *QUICK)
