@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 NAME = "Simulated loop"
 EVERY = 2  # takes every other frame, 1.5 m apart on average: nearly the same figures in half of the time
 QUICK = 53  # frames: the first hundred metres, the least that has a drift
+AROUND = 280  # frames: once around the block, and 80 m along the street where it began, which closes loops
 #: Seconds on the machine whose speed `Forecast` knows: a core's for a simulated frame; a frame's in each row.
 SIMULATED, REGISTERED = 0.38, {"16": 0.03, "ray-segment": 0.055, "lift": 0.2, "64": 0.075}
 #: And what the simulation and each row take besides; and what compiling kernels, once, adds to the simulation.
@@ -34,7 +35,7 @@ TOWN, ROW, KERNELS = 6.0, 7.0, 20.0
 def demo(
     out: Annotated[Path, typer.Option(help="The folder for the runs and their comparison.")] = Path("runs/demo"),
     quick: Annotated[bool, typer.Option("--quick", help="Only the first hundred metres: a minute or two.")] = False,
-    full: Annotated[bool, typer.Option("--full", help="Ten frames a second, as LiDARs have them, not five.")] = False,
+    full: Annotated[bool, typer.Option("--full", help="All of the drive, at ten frames a second, not five.")] = False,
 ) -> None:
     """See what it does, without any data: simulate a drive, run it at 16 channels, enriched and at 64, and compare.
 
@@ -51,7 +52,7 @@ def demo(
         require_writable(out / row)
     simulation = Simulation(SimulationConfig(drive="loop", every=1 if full else EVERY))
     town = _kept(simulation, "demo-full" if full else "demo")
-    count = min(QUICK, len(simulation)) if quick else len(simulation)
+    count = min(QUICK if quick else len(simulation) if full else AROUND, len(simulation))
     missing = simulation.missing(town, count)
     forecast = _forecast(rows, count, len(missing), cold=not town.exists())
     messages.print(

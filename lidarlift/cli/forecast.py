@@ -38,10 +38,10 @@ class Forecast:
         return bool(self._left)
 
     def __str__(self) -> str:
-        """What is left, for people: to ten seconds below two minutes, to the minute above."""
+        """What is left, for people: to ten seconds below two minutes, to half a minute above."""
         seconds = self._slowness * sum(self._left.values())
         if seconds >= 115:
-            return f"about {round(seconds / 60)} minutes"
+            return f"about {round(seconds / 30) / 2:g} minutes"
         return f"about {max(10 * round(seconds / 10), 10)} seconds"
 
 
