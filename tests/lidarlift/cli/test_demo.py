@@ -52,7 +52,7 @@ def test_the_whole_demo(lidarlift: Command, simulated: list[SimulationConfig]) -
 def test_how_long_it_takes_and_each_row_as_it_is_ready(lidarlift: Command) -> None:
     err = lidarlift("demo").err
     lines = [line for line in err.splitlines() if any(word in line for word in ("All in all", " to go", "ATE"))]
-    told = r"about \d+ (seconds|minutes)"
+    told = r"about [\d.]+ (seconds|minutes)"
     assert re.fullmatch(rf"All in all this takes {told} here\.", lines[0])
     assert re.search(rf"; {told} to go$", lines[1])
     for row, line in zip(("16", "ray-segment", "enriched"), lines[2:5], strict=True):
