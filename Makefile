@@ -16,6 +16,9 @@ PLAIN := NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= NUMBA_CACHE_DIR="$(CURDIR)/.
     OPENBLAS_CORETYPE=Prescott MKL_ENABLE_INSTRUCTIONS=SSE4_2 ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 \
     OPENCV_CPU_DISABLE=AVX512-SKX,AVX2,AVX,FP16,FMA3 GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX512F,-AVX2,-FMA,-AVX
 
+# Packages come without byte code (see pip below): what is imported is compiled once, whatever the environment says.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test portable lint wheel benchmark clean
 

@@ -1,4 +1,4 @@
-"""What tests share: real data, unpacked once into the user's cache, and a short drive down a street of planes."""
+"""What tests share: real data, unpacked once, a short drive down a street of planes, and the command lidarlift."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import fcntl
+import re
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import settings
 
+from lidarlift.cli import main
 from slam.data import se3
 from slam.data.cloud import Array
 from slam.data.machine import cache_folder
@@ -156,3 +159,46 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str,
         return site
 
     return install
+
+
+class Result(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+    def refused(self, *words: str) -> None:
+        """Exit code 1 and one line on stderr with the words."""
+        assert self.code == 1
+        assert self.err.startswith("Error: ")
+        assert self.err.count("\n") == 1
+        for word in words:
+            assert word in self.err
+
+    @property
+    def ate(self) -> float:
+        """The aligned ATE's rmse in the printed table."""
+        found = re.search(r"ATE, SE\(3\) Umeyama-aligned +\S+ +\d+ +m +(\S+)", self.out)
+        assert found, self.out
+        return float(found[1])
+
+
+@pytest.fixture
+def lidarlift(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> Callable[..., Result]:
+    """`lidarlift("run", path)`: the command in this process, for each start takes seconds. Exceptions are bugs."""
+    monkeypatch.chdir(tmp_path)
+
+    def command(*arguments: object) -> Result:
+        monkeypatch.setattr(sys, "argv", ["lidarlift", *map(str, arguments)])
+        capfd.readouterr()
+        code = 0
+        try:
+            main()
+        except SystemExit as stop:
+            code = stop.code if isinstance(stop.code, int) else 1
+        out, err = capfd.readouterr()
+        assert "Traceback" not in out + err
+        return Result(code, out, err)
+
+    return command

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
-import subprocess
-import sys
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,26 +17,22 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 @dataclass(frozen=True)
 class Page:
-    """A page whose package is installed in the folder `site`."""
+    """A page whose package is installed."""
 
     name: str
-    site: Path
 
-    def run(self, folder: Path, places: dict[str, Path], *more: str) -> int:
-        """Run the page's commands in a folder, with other paths in the place of those of the page and `more` arguments.
+    def run(self, lidarlift: Callable[..., Any], places: dict[str, Path], *more: str) -> int:
+        """Run the page's commands with other paths in the place of those of the page and `more` arguments.
 
         Returns how many there were; each ends with exit code 0.
         """
         (commands,) = blocks(self.name, "console")
-        lines = [line.removeprefix("$ ") for line in commands.splitlines()]
-        for line in lines:
-            words = [str(places.get(word, word)) for word in shlex.split(line)]
-            done = subprocess.run(
-                [sys.executable, "-m", *words, *more], check=False, capture_output=True, text=True,
-                cwd=folder, env={**os.environ, "PYTHONPATH": str(self.site)},
-            )  # fmt: skip
-            assert done.returncode == 0, done.stderr
-        return len(lines)
+        for line in commands.splitlines():
+            dollar, command, *words = shlex.split(line)
+            assert (dollar, command) == ("$", "lidarlift")
+            result = lidarlift(*(places.get(word, word) for word in words), *more)
+            assert result.code == 0, result.err
+        return len(commands.splitlines())
 
 
 @pytest.fixture
@@ -54,7 +48,8 @@ def page(installed: Callable[[str, str, dict[str, str]], Path]) -> Callable[[str
             f"[{group}]\n" + "".join(f"{name} = {of}\n" for name, of in all_of_it.items())
             for group, all_of_it in groups
         )
-        return Page(name, installed(about["project"]["name"], entries, {f"{module}.py": source}))
+        installed(about["project"]["name"], entries, {f"{module}.py": source})
+        return Page(name)
 
     return made
 

@@ -13,7 +13,7 @@ from slam.data.cloud import Array
 
 
 def test_the_package_and_the_commands_of_the_page(
-    page: Callable[[str], Any], street_scans: list[Array], tmp_path: Path
+    page: Callable[[str], Any], lidarlift: Callable[..., Any], street_scans: list[Array], tmp_path: Path
 ) -> None:
     drives = tmp_path / "drives"
     drives.mkdir()
@@ -21,7 +21,7 @@ def test_the_package_and_the_commands_of_the_page(
     np.savez(drives / "street.npz", stamps=0.1 * np.arange(3), **scans)  # type: ignore[arg-type]
     np.savez(drives / "other.npz", stamps=np.zeros(1), points_0=street_scans[0])
     places = {"my_drives/street.npz": drives / "street.npz", "my_drives": drives}
-    assert page("adding-a-data-set.md").run(tmp_path, places) == 2
+    assert page("adding-a-data-set.md").run(lidarlift, places) == 2
     for name, channels in (("street", "64"), ("enriched", "enriched")):
         report = json.loads((tmp_path / "runs" / name / "run.json").read_text())
         assert report["protocol"]["dataset"] == "street"

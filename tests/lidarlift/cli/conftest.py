@@ -1,61 +1,15 @@
-"""The command as its users meet it: exit codes, stdout, stderr."""
+"""Runs and simulations that tests of the command start from."""
 
 from __future__ import annotations
 
-import re
 import shutil
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import pytest
 
-from lidarlift.cli import main
 from slam.simulation.simulation import SimulationConfig
-
-
-class Result(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-    def refused(self, *words: str) -> None:
-        """Exit code 1 and one line on stderr with the words."""
-        assert self.code == 1
-        assert self.err.startswith("Error: ")
-        assert self.err.count("\n") == 1
-        for word in words:
-            assert word in self.err
-
-    @property
-    def ate(self) -> float:
-        """The aligned ATE's rmse in the printed table."""
-        found = re.search(r"ATE, SE\(3\) Umeyama-aligned +\S+ +\d+ +m +(\S+)", self.out)
-        assert found, self.out
-        return float(found[1])
-
-
-@pytest.fixture
-def lidarlift(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
-) -> Callable[..., Result]:
-    """`lidarlift("run", path)`: the command in this process, for each start takes seconds. Exceptions are bugs."""
-    monkeypatch.chdir(tmp_path)
-
-    def command(*arguments: object) -> Result:
-        monkeypatch.setattr(sys, "argv", ["lidarlift", *map(str, arguments)])
-        capfd.readouterr()
-        code = 0
-        try:
-            main()
-        except SystemExit as stop:
-            code = stop.code if isinstance(stop.code, int) else 1
-        out, err = capfd.readouterr()
-        assert "Traceback" not in out + err
-        return Result(code, out, err)
-
-    return command
 
 
 @pytest.fixture(scope="session")
@@ -65,7 +19,7 @@ def earlier_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def finished(lidarlift: Callable[..., Result], street_drive: Callable[..., Path], earlier_run: Path) -> Path:
+def finished(lidarlift: Callable[..., Any], street_drive: Callable[..., Path], earlier_run: Path) -> Path:
     """A sequence whose run is in ./r."""
     path = street_drive()
     if not earlier_run.exists():
