@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 NAME = "Simulated loop"
 EVERY = 2  # takes every other frame, 1.5 m apart on average: nearly the same figures in half of the time
 QUICK = 53  # frames: the first hundred metres, the least that has a drift
-AROUND = 280  # frames: once around the block, and 80 m along the street where it began, which closes loops
+AROUND = 280  # frames: once around the block and 80 m on, 40 of them driven twice, which closes loops
 #: Seconds on the machine whose speed `Forecast` knows: a core's for a simulated frame; a frame's in each row.
 SIMULATED, REGISTERED = 0.38, {"16": 0.03, "ray-segment": 0.055, "lift": 0.2, "64": 0.075}
 #: And what the simulation and each row take besides; and what compiling kernels, once, adds to the simulation.
