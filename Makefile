@@ -80,7 +80,7 @@ $(RUNTIME) $(DEV) $(BENCHMARKS): pyproject.toml constraints.txt
 	@touch $(RUNTIME) $@
 
 $(RUNTIME): SIZE := 1.5 GB
-$(DEV): EXTRAS := [dev]
+$(DEV): EXTRAS := [dev,benchmarks]
 $(DEV): SIZE := 3 GB
 $(BENCHMARKS): EXTRAS := [benchmarks]
 $(BENCHMARKS): SIZE := 2 GB

@@ -23,6 +23,7 @@ if sys.argv[1] == "run":
 else:
     for number in range(int(sys.argv[sys.argv.index("--frames") + 1])):
         (out / f"{{number}}.bin").write_bytes(bytes([number + {noise}]))
+    (out / "simulation.json").write_text(sys.argv[0])
 """
 Version = Callable[..., Path]
 
@@ -52,7 +53,7 @@ def test_versions_that_write_the_same(version: Version, tmp_path: Path, monkeypa
     assert compare(monkeypatch, *words) == 0
     page = (tmp_path / "same_bytes.md").read_text()
     assert "| drive | enriched | same | - | - | - | same | - | - |" in page
-    assert "Simulated, the town's loop: 3 files, same." in page
+    assert "Simulated, the town's loop: 3 files (without simulation.json, a digest of the code), same." in page
     found = json.loads((tmp_path / "same_bytes.json").read_text())
     assert len(found) == 1 + 2 * 3
     assert found[1]["before"] == found[1]["after"] != found[2]["before"]
@@ -79,7 +80,7 @@ def test_simulations_that_differ(version: Version, tmp_path: Path, monkeypatch: 
     words = (version("a"), version("b", noise=1), "--simulate", 2, "--results", tmp_path)
     assert compare(monkeypatch, *words) == 1
     page = (tmp_path / "same_bytes.md").read_text()
-    assert "2 files, not the same: 0.bin (differs), 1.bin (differs)." in page
+    assert ", not the same: 0.bin (differs), 1.bin (differs)." in page
     assert "| the town's loop | 64 | same |" in page  # both ran over the first version's
 
 
