@@ -85,7 +85,7 @@ class Mapper:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close(wait=kind is None)
+        self.close(wait=kind is None)  # what is stopped should not wait for a solver
 
     def close(self, wait: bool = True) -> None:
         """End the thread; without `wait`, what it is at goes on unattended."""

@@ -76,7 +76,7 @@ class Slam:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._mapper.close(wait=kind is None)  # what is stopped should not wait for a solver
+        self._mapper.__exit__(kind, value, trace)
 
     def add(self, frame: Frame, load_milliseconds: float = 0.0) -> FrameRecord:
         """Register the next frame.

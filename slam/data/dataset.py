@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol, cast
 
 from slam.data.cloud import Array, Calibration, Frame
 from slam.data.errors import InputError
@@ -99,11 +99,10 @@ def open_dataset(path: str | Path, sequence: str | None = None, sensor: str | Pa
     path = path.resolve() if ".." in path.parts else path.absolute()  # symbolic links stay: poses/ may lie beside them
     layouts = []
     for name in sorted(DATASETS.names(), key=FOLDER.__eq__):  # the folder last: it takes any scans
-        loader: Any = DATASETS.load(name)
+        loader = cast(Loader, DATASETS.load(name))
         found = loader.drives(path)
         if found:
-            dataset: Dataset = loader(_pick(path, found, sequence), sensor)
-            return dataset
+            return loader(_pick(path, found, sequence), sensor)
         layouts.append(loader.LAYOUT)
     if path.is_file():
         raise InputError(f"{path}: is a file, not a folder with scans; name the folder of a drive")
