@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lidarlift.front_ends import FEW_RINGS, TRAINING_FREE, input_name, with_runnable_enricher
+from lidarlift.front_ends import FEW_RINGS, TRAINING_FREE, input_name, opened, with_runnable_enricher
 from lidarlift.reporting import Quiet, Reporter
 from lidarlift.running import run_into
 from slam.config import load_config
@@ -38,7 +38,7 @@ def compare(
     Beside another enricher ray-segment, which learned nothing, has a row of its own.
 
     Args:
-        dataset: A data set, or what `open_dataset` takes: with `sequence` and `sensor`.
+        dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
         out: The folder for a run folder each, compare.json and compare.md.
         sequence: Which sequence or drive, where the folder has several.
         sensor: The LiDAR's name or a YAML file with its beams, where the folder does not say.
@@ -54,10 +54,9 @@ def compare(
 
     Raises:
         InputError: As `lidarlift.run`.
+        ValueError: `sequence` or `sensor` is given for a data set that is open already.
     """
-    from slam.data.dataset import open_dataset
-
-    data = open_dataset(dataset, sequence, sensor) if isinstance(dataset, str | Path) else dataset
+    data = opened(dataset, sequence, sensor)
     rows = rows_for(inputs_of(data), enricher, config, overrides)
     return compare_into(Path(out), data, rows, frames, reporter or Quiet(), strict=strict)
 

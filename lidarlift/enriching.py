@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lidarlift.front_ends import front_end_for, settings_for
+from lidarlift.front_ends import front_end_for, opened, settings_for
 
 if TYPE_CHECKING:
     from slam.data.cloud import Frame, PointCloud
@@ -28,7 +28,7 @@ def enrich(
     Of 64-ring scans every fourth ring is taken (front_end.phase, front_end.drop); of other sensors all.
 
     Args:
-        dataset: A data set, or what `open_dataset` takes: with `sequence` and `sensor`.
+        dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
         sequence: Which sequence or drive, where the folder has several.
         sensor: The LiDAR's name or a YAML file with its beams, where the folder does not say.
         enricher: The method, such as 'ray-segment', which needs no training, or 'lift', our network, the default.
@@ -42,14 +42,15 @@ def enrich(
 
     Raises:
         InputError: No frames are left, or the laser lines are unknown: at once, before anything is yielded.
+        ValueError: `sequence` or `sensor` is given for a data set that is open already.
 
     Example:
         >>> for frame, cloud in lidarlift.enrich("my_drive", sensor="vlp16", enricher="ray-segment"):
         ...     print(frame.index, len(cloud), cloud.sigma[~cloud.measured].mean())
     """
-    from slam.data.dataset import chosen_positions, open_dataset
+    from slam.data.dataset import chosen_positions
 
-    data = open_dataset(dataset, sequence, sensor) if isinstance(dataset, str | Path) else dataset
+    data = opened(dataset, sequence, sensor)
     settings = settings_for(data.sensor, "enriched", enricher, config, overrides).front_end
     front_end = front_end_for(settings, data.sensor, data.path)
     recorded = (data[position] for position in chosen_positions(data, frames))

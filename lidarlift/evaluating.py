@@ -13,7 +13,8 @@ def evaluate(estimate: str | Path, reference: str | Path | None = None, calib: s
     """ATE, RPE and KITTI's drift of a trajectory.
 
     Args:
-        estimate: A trajectory file, KITTI or TUM format; or, without `reference`, a run folder with ground truth.
+        estimate: A trajectory file, KITTI or TUM format; or, without `reference`, a run folder with ground truth, whose
+            metrics.json is written again.
         reference: The ground truth's file, KITTI or TUM format.
         calib: KITTI's calib.txt, which brings a camera-0 reference into the LiDAR's frame.
 
@@ -22,6 +23,7 @@ def evaluate(estimate: str | Path, reference: str | Path | None = None, calib: s
 
     Raises:
         InputError: A file cannot be read, the two cannot be paired, or the run folder has no ground truth.
+        ValueError: `calib` is given without a reference that it could transform.
     """
     from eval.evaluation import evaluate_files, evaluate_run
     from slam.data.errors import InputError
@@ -29,6 +31,8 @@ def evaluate(estimate: str | Path, reference: str | Path | None = None, calib: s
     estimate = Path(estimate)
     if reference is not None:
         return evaluate_files(estimate, Path(reference), None if calib is None else Path(calib))
+    if calib is not None:
+        raise ValueError("calib brings a reference into the LiDAR's frame; give the reference, or leave calib out")
     metrics = evaluate_run(estimate) if estimate.is_dir() else None
     if metrics is None:
         raise InputError(f"{estimate}: no ground truth in it; name the file of a reference")

@@ -1,4 +1,4 @@
-"""Settings and front end of a run, by what the caller asks for and the LiDAR has. Here slam and enrichment meet."""
+"""Data set, settings and front end of a run, by what the caller asks for. Here slam and enrichment meet."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from slam.data.errors import InputError
 from slam.settings import Config
 
 if TYPE_CHECKING:
+    from slam.data.dataset import Dataset
     from slam.data.sensor import Sensor
     from slam.front_end import FrontEnd
     from slam.settings import FrontEndSettings
@@ -20,6 +21,22 @@ log = logging.getLogger("lidarlift")
 
 FEW_RINGS = 16  # a sensor that has no more is taken as it is
 TRAINING_FREE = "ray-segment"  # the method that needs no weights
+
+
+def opened(dataset: Dataset | str | Path, sequence: str | None, sensor: str | Path | None) -> Dataset:
+    """A data set, or the one that `open_dataset` finds.
+
+    Raises:
+        InputError: As `open_dataset`.
+        ValueError: The data set is open already, so that `sequence` and `sensor` would be ignored.
+    """
+    from slam.data.dataset import open_dataset
+
+    if isinstance(dataset, str | Path):
+        return open_dataset(dataset, sequence, sensor)
+    if sequence is not None or sensor is not None:
+        raise ValueError("the data set is open already; give sequence and sensor to open_dataset")
+    return dataset
 
 
 def settings_for(
@@ -45,7 +62,7 @@ def settings_for(
     if isinstance(config, Config):
         if input or enricher or overrides:
             raise ValueError("config holds all settings already; leave input, enricher and overrides out")
-        return config
+        return with_runnable_enricher(config)
     few = sensor is not None and sensor.ring_count <= FEW_RINGS
     if few and input == "64":
         raise InputError(f"the sensor {sensor.name if sensor else ''} has no 64 rings; leave --input out")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lidarlift.front_ends import front_end_for, input_name, settings_for
+from lidarlift.front_ends import front_end_for, input_name, opened, settings_for
 from lidarlift.reporting import Quiet, Reporter, note_problems
 from slam.data.atomic import require_writable
 
@@ -36,7 +36,7 @@ def run(
     """Run SLAM over a data set.
 
     Args:
-        dataset: A data set, or what `open_dataset` takes: with `sequence` and `sensor`.
+        dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
         sequence: Which sequence or drive, where the folder has several.
         sensor: The LiDAR's name or a YAML file with its beams, where the folder does not say.
         input: '64', the scans as recorded; '16', rings dropped; or 'enriched', 16 with the rest filled in. By default
@@ -55,15 +55,14 @@ def run(
 
     Raises:
         InputError: The data set cannot be read, lacks what is asked for, or `out` cannot be written.
+        ValueError: Arguments are given that would be ignored: of a data set or settings that are complete already.
 
     Example:
         >>> run = lidarlift.run("2011_09_26_drive_0013_sync", input="enriched", enricher="ray-segment", out="runs/13")
         >>> run.poses.shape
         (144, 4, 4)
     """
-    from slam.data.dataset import open_dataset
-
-    data = open_dataset(dataset, sequence, sensor) if isinstance(dataset, str | Path) else dataset
+    data = opened(dataset, sequence, sensor)
     settings = settings_for(data.sensor, input, enricher, config, overrides)
     poses = None if odometry is None else Path(odometry)
     task = _Task(data, settings, frames, poses, strict, reporter or Quiet())

@@ -93,3 +93,18 @@ def test_three_inputs_are_compared(street_drive: Drive, tmp_path: Path) -> None:
 def test_evaluating_a_folder_without_ground_truth_is_refused(tmp_path: Path) -> None:
     with pytest.raises(lidarlift.InputError, match="no ground truth in it; name the file of a reference"):
         lidarlift.evaluate(tmp_path)
+
+
+def test_what_would_be_ignored_is_refused(street_drive: Drive, tmp_path: Path) -> None:
+    drive = lidarlift.open_dataset(street_drive())
+    for function in (lidarlift.run, lidarlift.enrich):
+        with pytest.raises(ValueError, match="give sequence and sensor to open_dataset"):
+            function(drive, sensor="vlp16")
+    with pytest.raises(ValueError, match="give the reference, or leave calib out"):
+        lidarlift.evaluate(tmp_path, calib="calib.txt")
+
+
+def test_complete_settings_name_the_method_that_runs(street_drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("enrichment.methods.onnx_network.has_weights", lambda _: False)
+    run = lidarlift.run(street_drive(), config=lidarlift.load_config(input="enriched"), frames=slice(2))
+    assert run.config.front_end.enricher == "ray-segment"
