@@ -69,7 +69,7 @@ class _Surfaces:
 
     def __init__(self, rig: Rig, number: int) -> None:
         pose = rig.poses[number]
-        mesh = joined([rig.town.around(pose[:2, 3], RADIUS), *rig._traffic.at(number)])
+        mesh = joined([rig.scene.around(pose[:2, 3], RADIUS), *rig.scene.moving(number)])
         vertices = (mesh.vertices - pose[:3, 3]) @ pose[:3, :3]
         self._scene = o3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(

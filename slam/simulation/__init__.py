@@ -1,1 +1,1 @@
-"""A town to drive in: its geometry, its traffic, and the LiDAR and camera of the car that drives through it."""
+"""Scenes to drive and walk through, and the LiDAR and camera that record them."""

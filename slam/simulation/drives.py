@@ -32,6 +32,9 @@ class Drive:
     yaw       (N,) radians, not wrapped
     tunnel    from and to which way [m] the road runs through a tunnel, or None
     jam       whether it is stuck in a queue of cars
+    scene     what it leads through, one of SCENES
+    path      T_world_sensor (K, 4, 4) at stamps (K,), where it is known between the frames too (a sensor carried by
+              hand); None: a constant velocity from frame to frame
     """
 
     name: str
@@ -40,6 +43,8 @@ class Drive:
     yaw: Array
     tunnel: tuple[float, float] | None = None
     jam: bool = False
+    scene: str = "town"
+    path: Callable[[Array], Array] | None = None
 
     def __len__(self) -> int:
         return len(self.stamps)

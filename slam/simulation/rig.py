@@ -1,9 +1,8 @@
-"""A car with a LiDAR and a camera that drives through its town, frame by frame."""
+"""A car with a LiDAR and a camera that drives through its scene, frame by frame."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -14,16 +13,13 @@ from slam.data.sensor import Sensor, load_sensor
 from slam.simulation.camera import CAMERA, Look, render
 from slam.simulation.drives import Drive
 from slam.simulation.lidar import exact_scan, scan
-from slam.simulation.terrain import Terrain
-from slam.simulation.town import Town
-from slam.simulation.traffic import Traffic
+from slam.simulation.scene import SCENES
 from slam.simulation.world import StandingWorld, World
 
 LIDAR_HEIGHT = 1.73  # metres above the ground, as on KITTI's car
 SWEEP = 0.1  # seconds
 #: T_camera0_lidar: the camera looks ahead from 8 cm below the LiDAR and 27 cm before it, much as KITTI's does.
 TR = np.array([[0, -1, 0, 0.0], [0, 0, -1, -0.08], [1, 0, 0, -0.27], [0, 0, 0, 1.0]])
-SWAY = np.array([0.0025, 0.003, 0.008])  # rad, rad, m: roll, pitch and heave of the car on its springs
 BLOCK, RADIUS = 30.0, 115.0  # metres of the way that share one standing world, and what it holds around them
 
 
@@ -43,8 +39,9 @@ class SimulatedFrame:
 
 
 class Rig:
-    """The town around a drive, its traffic, and the car in it.
+    """The scene around a drive, and the car in it.
 
+    scene        all that the car sees
     poses        (N, 4, 4) T_world_lidar at mid-sweep, when the image is taken too
     calibration  the camera's
     """
@@ -62,24 +59,15 @@ class Rig:
         self._drive, self._sensor, self._seed = drive, sensor, seed
         self._distort, self._truth, self._camera = distort, truth, camera
         rng = np.random.default_rng([seed, 0])
-        self._terrain = Terrain(drive.position, rng, hills=0.0 if drive.tunnel else 1.0)
-        self.poses = self._terrain.poses(drive.position, drive.yaw, LIDAR_HEIGHT, _sway(drive, rng))
+        self.scene = SCENES.load(drive.scene)(drive, seed, rng)
+        self.poses = self.scene.poses(LIDAR_HEIGHT)
         self.calibration = rectified_camera(np.vstack([CAMERA.P2, [0, 0, 0, 1]]), TR)
         self._look = Look.of(rng)
         self._block: tuple[int, StandingWorld] | None = None
 
-    @cached_property
-    def town(self) -> Town:
-        """Built when it is first looked at: that takes some seconds."""
-        return Town(self._drive, self._terrain, self._seed)
-
-    @cached_property
-    def _traffic(self) -> Traffic:
-        return Traffic(self._drive, self.town, np.random.default_rng([self._seed, 2]))
-
     def frame(self, index: int) -> SimulatedFrame:
         """The same whichever frames were asked for before."""
-        world = World(self._standing(self.stretch(index)), self._traffic.at(index))
+        world = World(self._standing(self.stretch(index)), self.scene.moving(index))
         rng = np.random.default_rng([self._seed, 3, index])
         pose, motion = self.poses[index], self._motion(index)
         recorded = scan(world, self._sensor, pose, motion, rng)
@@ -104,7 +92,7 @@ class Rig:
             frames = self._drive.position[self._drive.way // BLOCK == block, :2]
             middle = (frames.min(axis=0) + frames.max(axis=0)) / 2
             reach = np.linalg.norm(frames - middle, axis=1).max()
-            self._block = block, StandingWorld(self.town.around(middle, RADIUS + reach))
+            self._block = block, StandingWorld(self.scene.around(middle, RADIUS + reach))
         return self._block[1]
 
     def _motion(self, index: int) -> Array:
@@ -114,9 +102,3 @@ class Rig:
         first, last = max(index - 1, 0), min(index + 1, len(self.poses) - 1)
         motion = se3.inverse(self.poses[first]) @ self.poses[last]
         return se3.scale(motion, SWEEP / (self._drive.stamps[last] - self._drive.stamps[first]))
-
-
-def _sway(drive: Drive, rng: np.random.Generator) -> Array:
-    """(N, 3) roll and pitch [rad] and heave [m]: slow waves over the way, the same when standing still."""
-    length, phase = rng.uniform(9, 35, (4, 3)), rng.uniform(0, 2 * np.pi, (4, 3))
-    return np.asarray(SWAY * np.sin(2 * np.pi * drive.way[:, None, None] / length + phase).mean(axis=1))

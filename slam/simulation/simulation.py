@@ -27,7 +27,9 @@ from slam.data.pose_files import kitti_text
 from slam.data.sensor import load_sensor
 from slam.simulation.camera import CAMERA
 from slam.simulation.drives import built_in, from_file, thinned
+from slam.simulation.fingerprint import fingerprint
 from slam.simulation.rig import TR, Rig
+from slam.simulation.scene import SCENES
 
 SEQUENCE = "00"
 #: As small as zlib's default makes it, and quicker.
@@ -179,11 +181,9 @@ class Simulation:
         write_text(folder / "poses" / f"{SEQUENCE}.txt", kitti_text(se3.inverse(poses[0]) @ poses))
 
     def _about(self) -> str:
-        """What tells this simulation from others: its settings, and a digest of the way and of the code."""
+        """What tells this simulation from others: its settings, the way, and the code that makes it."""
         settings = self.settings
-        digest = hashlib.sha256(self.drive.position.tobytes() + self.drive.yaw.tobytes())
-        for source in sorted(Path(__file__).parent.glob("*.py")):
-            digest.update(source.read_bytes())
+        way = hashlib.sha256(self.drive.position.tobytes() + self.drive.yaw.tobytes())
         about = {
             "drive": settings.trajectory.name if settings.trajectory else settings.drive,
             "spacing_m": settings.spacing,
@@ -194,7 +194,8 @@ class Simulation:
             "depth": settings.depth,
             "camera": settings.camera,
             "frames": len(self),
-            "digest": digest.hexdigest()[:16],
+            "way": way.hexdigest()[:16],
+            "code": fingerprint(__name__, SCENES.own[self.drive.scene].split(":")[0]),
         }
         return json.dumps(about, indent=2) + "\n"
 

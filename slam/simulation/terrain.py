@@ -11,6 +11,7 @@ from slam.data.cloud import Array
 
 CELL = 6.0  # metres between the nodes of the surface
 MARGIN = 190.0  # metres of ground around the drive
+SWAY = np.array([0.0025, 0.003, 0.008])  # rad, rad, m: roll, pitch and heave of the car on its springs
 STIFFNESS, FLATNESS = 4.0, 0.05  # of the surface against the heights: how little it bends and leans
 
 
@@ -90,6 +91,13 @@ def _differences(count: int, order: int, others: int, first: bool) -> coo_matrix
     for _ in range(order):
         one = one[1:] - one[:-1]
     return kron(one, eye_array(others)) if first else kron(eye_array(others), one)
+
+
+def sway(way: Array, rng: np.random.Generator) -> Array:
+    """(N, 3) roll and pitch [rad] and heave [m] of a car that has come `way` (N,) metres: slow waves over the way, the
+    same when standing still."""
+    length, phase = rng.uniform(9, 35, (4, 3)), rng.uniform(0, 2 * np.pi, (4, 3))
+    return np.asarray(SWAY * np.sin(2 * np.pi * way[:, None, None] / length + phase).mean(axis=1))
 
 
 def noise(x: Array, y: Array, seed: int) -> Array:

@@ -8,7 +8,7 @@ import pytest
 from slam.data.cloud import Array
 from slam.simulation.materials import INDEX
 from slam.simulation.mesh import Mesh
-from slam.simulation.vehicles import SHAPES, bicycle, car, car_of, person
+from slam.simulation.town.vehicles import SHAPES, bicycle, car, car_of, person
 from slam.simulation.world import Hits, StandingWorld, World
 
 SEEDS = range(6)

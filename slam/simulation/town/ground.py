@@ -8,8 +8,8 @@ import numpy as np
 
 from slam.data.cloud import Array
 from slam.simulation.mesh import Mesh, grid, joined
-from slam.simulation.streets import HALF_WIDTH, PAVEMENT, Streets
 from slam.simulation.terrain import Terrain, noise
+from slam.simulation.town.streets import HALF_WIDTH, PAVEMENT, Streets
 
 CELL = 2.0  # metres
 TILE = 16  # cells along each side of one mesh

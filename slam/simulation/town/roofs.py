@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from slam.simulation.facades import Opening, Style, glazing
 from slam.simulation.mesh import Colour, Mesh, box, joined, prism
 from slam.simulation.palette import BRICK, pick, shade
+from slam.simulation.town.facades import Opening, Style, glazing
 
 EAVES = 0.5  # no roof reaches further beyond its walls
 

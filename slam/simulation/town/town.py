@@ -8,12 +8,12 @@ import numpy as np
 
 from slam.data.cloud import Array
 from slam.simulation.drives import LANE, Drive
-from slam.simulation.ground import ground
 from slam.simulation.mesh import Mesh, grid, joined
-from slam.simulation.plots import Plots
-from slam.simulation.roadside import GARDEN, Roadside, Stock
-from slam.simulation.streets import OUTSKIRTS, Road, Streets
 from slam.simulation.terrain import MARGIN, Terrain
+from slam.simulation.town.ground import ground
+from slam.simulation.town.plots import Plots
+from slam.simulation.town.roadside import GARDEN, Roadside, Stock
+from slam.simulation.town.streets import OUTSKIRTS, Road, Streets
 
 
 class Town:

@@ -8,7 +8,7 @@ import pytest
 from slam.data.cloud import Array
 from slam.simulation.materials import INDEX
 from slam.simulation.mesh import Mesh
-from slam.simulation.vegetation import bush, conifer, deciduous, hedge, poplar, tree
+from slam.simulation.town.vegetation import bush, conifer, deciduous, hedge, poplar, tree
 from slam.simulation.world import StandingWorld, World
 
 Plant = Callable[[np.random.Generator], Mesh]

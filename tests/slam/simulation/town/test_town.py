@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from slam.data.cloud import Array
-from slam.data.sensor import load_sensor
 from slam.simulation.drives import DRIVES, Drive, built_in, from_file
 from slam.simulation.mesh import joined
-from slam.simulation.rig import Rig
-from slam.simulation.streets import Road
-from slam.simulation.town import Town
-from slam.simulation.traffic import Traffic
+from slam.simulation.town.scene import TownScene
+from slam.simulation.town.streets import Road
+from slam.simulation.town.town import Town
+from slam.simulation.town.traffic import Traffic
 from slam.simulation.world import StandingWorld, World
 
 STRAIGHT_UP = np.array([0.0, 0.0, 1.0])
@@ -23,7 +22,7 @@ def grown(request: pytest.FixtureRequest) -> tuple[Drive, Town]:
 
 
 def town_of(drive: Drive, seed: int) -> Town:
-    return Rig(drive, load_sensor("hdl64"), seed, distort=False, truth=False).town
+    return TownScene(drive, seed, np.random.default_rng([seed, 0])).town
 
 
 def swept(drive: Drive, town: Town) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slam.simulation.plots import Plots
+from slam.simulation.town.plots import Plots
 
 inside = st.floats(10, 90)
 

@@ -9,9 +9,9 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.simulation.drives import LANE, RATE, Drive
 from slam.simulation.mesh import Mesh
-from slam.simulation.roadside import Stock
-from slam.simulation.streets import HALF_WIDTH, OUTSKIRTS, Road
-from slam.simulation.town import Town
+from slam.simulation.town.roadside import Stock
+from slam.simulation.town.streets import HALF_WIDTH, OUTSKIRTS, Road
+from slam.simulation.town.town import Town
 
 SIGHT = 120.0  # metres: beyond, what moves is left out
 CAR, PERSON = 5.0, 1.0  # metres that they keep from each other

@@ -3,8 +3,8 @@ import pytest
 
 from slam.simulation.drives import built_in
 from slam.simulation.mesh import joined
-from slam.simulation.streets import HALF_WIDTH, PAVEMENT, Streets
 from slam.simulation.terrain import Terrain
+from slam.simulation.town.streets import HALF_WIDTH, PAVEMENT, Streets
 from slam.simulation.world import StandingWorld, World
 
 DOWN = np.array([0.0, 0.0, -1.0])

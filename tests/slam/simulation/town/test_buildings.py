@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from slam.simulation.buildings import FOOT, building
 from slam.simulation.materials import INDEX, MATERIALS
 from slam.simulation.mesh import Mesh
-from slam.simulation.roofs import EAVES
+from slam.simulation.town.buildings import FOOT, building
+from slam.simulation.town.roofs import EAVES
 from slam.simulation.world import Hits, StandingWorld, World
 
 SIZES = [(7.0, 8.0), (9.0, 11.0), (12.0, 10.0), (16.0, 12.0), (22.0, 14.0)]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from slam.data.cloud import Array
-from slam.simulation import facades, roofs
-from slam.simulation.facades import STOREY, Opening, Style
 from slam.simulation.mesh import Colour, Mesh, box, joined
 from slam.simulation.palette import BRICK, pick, shade
+from slam.simulation.town import facades, roofs
+from slam.simulation.town.facades import STOREY, Opening, Style
 
 FOOT = 1.5  # walls go so far below the ground, for it may fall
 

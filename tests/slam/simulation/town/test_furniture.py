@@ -5,7 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from slam.simulation.furniture import (
+from slam.simulation.materials import INDEX, MATERIALS
+from slam.simulation.mesh import Mesh
+from slam.simulation.town.furniture import (
     FOOT,
     bench,
     bollard,
@@ -15,8 +17,6 @@ from slam.simulation.furniture import (
     sign,
     wheelie_bin,
 )
-from slam.simulation.materials import INDEX, MATERIALS
-from slam.simulation.mesh import Mesh
 from slam.simulation.world import StandingWorld, World
 
 Piece = tuple[Callable[[np.random.Generator], Mesh], float, float, float]

@@ -1,0 +1,1 @@
+"""A town grown around a drive: streets, houses and gardens, vegetation, furniture, traffic."""
