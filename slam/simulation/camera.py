@@ -11,7 +11,7 @@ import numpy as np
 from numpy.random import Generator
 
 from slam.data.cloud import Array
-from slam.simulation import kernels
+from slam.simulation import kernels, shading
 from slam.simulation.materials import MATERIALS
 from slam.simulation.world import World
 
@@ -106,7 +106,7 @@ def render(world: World, T_world_camera: Array, look: Look, rng: Generator) -> t
     hits = world.cast(origin, rays)
     kernels.face_camera(hits.normal, rays)
     seen: Seen = (rays, hits.reach, hits.triangle, hits.normal, origin)
-    light = kernels.shade(
+    light = shading.shade(
         *seen, CAMERA.width, CAMERA.P2[0, 0],
         world.colour, world.material, _linear(), _PATTERN, _CONTRAST, _GLOSS,
         _sunlit(world, seen, look), _mirrored(world, seen), *_open_sky(world, seen), _SKY_STEP,
@@ -169,7 +169,7 @@ def _mirrored(world: World, seen: Seen) -> Array:
 
 def _open_sky(world: World, seen: Seen) -> tuple[Array, Array]:
     """Share of the hemisphere above the surface from where light comes in unhindered, at every `_SKY_STEP`-th pixel
-    both ways, and where it may be interpolated (see `kernels.smooth_cells`).
+    both ways, and where it may be interpolated (see `shading.smooth_cells`).
 
     It darkens corners, narrow streets and the ground below cars.
     """
@@ -179,11 +179,11 @@ def _open_sky(world: World, seen: Seen) -> tuple[Array, Array]:
     if len(cells):
         openness += np.bincount(cells, ~world.hidden(start, direction), rows * columns) / 4
     _, reach, triangle, normal, _ = seen
-    return kernels.smooth_cells(openness.reshape(rows, columns), reach, triangle, normal, CAMERA.width, _SKY_STEP)
+    return shading.smooth_cells(openness.reshape(rows, columns), reach, triangle, normal, CAMERA.width, _SKY_STEP)
 
 
 def _developed(light: Array, look: Look, rng: Generator) -> Array:
     """The sensor's picture (H, W, 3) uint8; the lens is a little soft."""
     grain = int(rng.integers(1 << 62))
-    image = kernels.develop(light, CAMERA.width, look.exposure, _NOISE, grain, _tone_curve())
+    image = shading.develop(light, CAMERA.width, look.exposure, _NOISE, grain, _tone_curve())
     return cv2.GaussianBlur(image.reshape(CAMERA.height, CAMERA.width, 3), (3, 3), 0.7)

@@ -1,0 +1,1 @@
+"""Rays against triangles, in packets, through Intel's Embree."""
