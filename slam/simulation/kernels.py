@@ -1,5 +1,5 @@
-"""Which rays the camera casts: through its pixels, towards the sun and the sky, and mirrored by glossy surfaces. Nothing
-but @njit here, for numba's cache does not see a change in another file.
+"""Which rays the camera casts: through its pixels, towards the sun and the sky, and mirrored by glossy surfaces.
+Nothing but @njit here, for numba's cache does not see a change in another file.
 
 N pixels, row after row. A pixel's ray has the camera's z component 1, so a reach along it is a depth.
 """
@@ -43,11 +43,11 @@ def face_camera(normal, rays):
 
 
 @njit(cache=True, nogil=True)
-def sun_rays(rays, reach, triangle, normal, origin, width, sun):
+def sun_rays(rays, reach, triangle, normal, origin, order, width, sun):
     """Every second pixel (M,), as on a chessboard, if it faces the sun, and where its ray towards it starts (M, 3)."""
     pixels = np.empty(len(rays), np.int32)
     count = 0
-    for i in range(len(rays)):
+    for i in order:
         if (i // width + i % width) % 2:
             continue
         if triangle[i] >= 0 and normal[i, 0] * sun[0] + normal[i, 1] * sun[1] + normal[i, 2] * sun[2] > 0.0:
@@ -74,14 +74,14 @@ def double(mirrored, triangle):
 
 
 @njit(cache=True, nogil=True)
-def mirror_rays(rays, reach, triangle, normal, origin, material, gloss):
+def mirror_rays(rays, reach, triangle, normal, origin, order, material, gloss):
     """Pixels (M,) of materials with gloss, where their mirrored rays start (M, 3) and whither they go (M, 3).
 
     Of two neighbours on one triangle, the second has no ray: `second_of_two` says which they are.
     """
     pixels = np.empty(len(rays), np.int32)
     count = 0
-    for i in range(len(rays)):
+    for i in order:
         if triangle[i] >= 0 and gloss[material[triangle[i]]] > 0.0 and not second_of_two(i, triangle):
             pixels[count] = i
             count += 1
@@ -97,26 +97,25 @@ def mirror_rays(rays, reach, triangle, normal, origin, material, gloss):
 
 @njit(cache=True, nogil=True)
 def sky_rays(rays, reach, triangle, normal, origin, width, step):
-    """Four rays towards the sky from every `step`-th pixel both ways: cells (M,) of that coarse grid, four in a row the
-    same, where the rays start (M, 3) and whither (M, 3). Four neighbouring cells share out 16 directions over the
-    hemisphere, as many towards each part of it as light from there counts (by the cosine)."""
+    """Four rays towards the sky from every `step`-th pixel both ways: cells (M,) of that coarse grid, where the rays
+    start (M, 3) and whither (M, 3). Four neighbouring cells share out 16 directions over the hemisphere, as many
+    towards each part of it as light from there counts (by the cosine); all rays of one direction follow each other."""
     rows, columns = len(rays) // width // step, width // step
     cells = np.empty(4 * rows * columns, np.int32)
     start, direction = np.empty((len(cells), 3)), np.empty((len(cells), 3), np.float32)
     count = 0
-    for row in range(rows):
-        for column in range(columns):
-            i = (row * step + step // 2) * width + column * step + step // 2
-            if triangle[i] < 0:
-                continue
-            nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-            sign = 1.0 if nz >= 0.0 else -1.0  # two axes across the normal: Duff et al., JCGT 6(1), 2017
-            a = -1.0 / (sign + nz)
-            b = nx * ny * a
-            for ray in range(4):
-                k = 4 * ray + 2 * (row & 1) + (column & 1)
-                r = math.sqrt((k + 0.5) / 16.0)
-                up, along, across = math.sqrt(1.0 - r * r), r * math.cos(k * _GOLDEN), r * math.sin(k * _GOLDEN)
+    for k in range(16):
+        r = math.sqrt((k + 0.5) / 16.0)
+        up, along, across = math.sqrt(1.0 - r * r), r * math.cos(k * _GOLDEN), r * math.sin(k * _GOLDEN)
+        for row in range((k >> 1) & 1, rows, 2):
+            for column in range(k & 1, columns, 2):
+                i = (row * step + step // 2) * width + column * step + step // 2
+                if triangle[i] < 0:
+                    continue
+                nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+                sign = 1.0 if nz >= 0.0 else -1.0  # two axes across the normal: Duff et al., JCGT 6(1), 2017
+                a = -1.0 / (sign + nz)
+                b = nx * ny * a
                 cells[count] = row * columns + column
                 start[count] = _lifted(i, rays, reach, normal, origin)
                 direction[count, 0] = up * nx + along * (1.0 + sign * nx * nx * a) + across * b

@@ -1,5 +1,5 @@
-"""The light that each pixel sees, and the picture that becomes of it. Nothing but @njit here, for numba's cache does not
-see a change in another file.
+"""The light that each pixel sees, and the picture that becomes of it. Nothing but @njit here, for numba's cache does
+not see a change in another file.
 
 N pixels, row after row. Light is linear, RGB; `air` (5, 3) holds the direction towards the sun, then the colours of its
 light on a surface that faces it, of the sky at the zenith and at the horizon, and of the light that the ground gives
@@ -38,7 +38,7 @@ def _squared(value, times):
 
 @njit(inline="always")
 def _hash(h):
-    """Bits without visible order, the lowest of them poor, of a lattice point: the sum of its indices times _I, _J, _K."""
+    """Bits without visible order, the lowest of them poor, of a lattice point: its indices times _I, _J, _K, xored."""
     return (h ^ (h >> 32)) * np.int64(-2960836687041489767)
 
 
@@ -193,8 +193,8 @@ def _clear_sky(out, points, count, air, channel):
 
 
 @njit(fastmath=True, error_model="numpy")
-def _clouds(points, count, cover, layer):
-    """How dense clouds are in a direction, into row _OUT; on a plane overhead that dips a little towards the horizon."""
+def _clouds(points, count, layer):
+    """How dense clouds are in a direction, into row _OUT; on a plane overhead that dips a little to the horizon."""
     u, v, density = points[_NX], points[_NY], points[_OUT]
     for i in range(count):
         z = max(points[_Z, i], 0.0) + 0.08
@@ -210,7 +210,7 @@ def _clouds(points, count, cover, layer):
 @njit(fastmath=True, error_model="numpy")
 def _sky(light, pixels, points, count, air, cover, layer):
     """Light (3, W) of the sky with its clouds, for pixels whose directions are in the rows _X to _Z."""
-    _clouds(points, count, cover, layer)
+    _clouds(points, count, layer)
     out, opacity, white = points[_MORE], points[_NX], points[_NY]
     for i in range(count):
         density, dz = points[_OUT, i], points[_Z, i]
@@ -229,6 +229,12 @@ def _alike(i, depth, nx, ny, nz, reach, normal):
     cos = normal[i, 0] * nx + normal[i, 1] * ny + normal[i, 2] * nz
     gap = 12.0 * abs(reach[i] - depth) / (reach[i] + depth)
     return _squared(max(cos, 0.0), 2) / (1.0 + _squared(gap, 2))
+
+
+@njit(inline="always")
+def _pixels_alike(i, j, reach, normal):
+    """How likely pixels i and j see the same surface: 0..1."""
+    return _alike(i, reach[j], normal[j, 0], normal[j, 1], normal[j, 2], reach, normal)
 
 
 @njit(inline="always")
@@ -253,7 +259,7 @@ def smooth_cells(openness, reach, triangle, normal, width, step):
                 for c in range(max(column - 2, 0), min(column + 3, columns)):
                     j = _centre(r, c, width, step)
                     if triangle[j] >= 0:
-                        w = _alike(i, reach[j], normal[j, 0], normal[j, 1], normal[j, 2], reach, normal)
+                        w = _pixels_alike(i, j, reach, normal)
                         w *= (0.5 if abs(r - row) == 2 else 1.0) * (0.5 if abs(c - column) == 2 else 1.0)
                         total += w * openness[r, c]
                         weights += w
@@ -264,7 +270,7 @@ def smooth_cells(openness, reach, triangle, normal, width, step):
             i = _centre(row, column, width, step)
             same = triangle[i] >= 0
             for j in (i + step, i + step * width, i + step * width + step):
-                same = same and triangle[j] >= 0 and _alike(i, reach[j], normal[j, 0], normal[j, 1], normal[j, 2], reach, normal) > 0.9
+                same = same and triangle[j] >= 0 and _pixels_alike(i, j, reach, normal) > 0.9
             uniform[row, column] = same
     return smoothed, uniform
 
@@ -421,9 +427,7 @@ def _shade_mirrors(
                 albedo = linear[colour[mirrored[i], channel]]
                 seen = albedo * (0.35 * air[_HORIZON, channel] + 0.2 * air[_SUNLIGHT, channel])
             own = light[channel, pixels[m]]
-            light[channel, pixels[m]] += share[m] * (
-                seen + sunlit[i] * glint[m] * air[_SUNLIGHT, channel] - own
-            )
+            light[channel, pixels[m]] += share[m] * (seen + sunlit[i] * glint[m] * air[_SUNLIGHT, channel] - own)
 
 
 @njit(fastmath=True, error_model="numpy")
@@ -453,9 +457,7 @@ def shade(
     for row in range(len(rays) // width):
         start = row * width
         _openness(open_sky, points[_OUT], row, openness, uniform, reach, triangle, normal, step)
-        _tints(
-            tint, start, rays, reach, triangle, normal, origin, focal, material, pattern, contrast, pixels, points
-        )
+        _tints(tint, start, rays, reach, triangle, normal, origin, focal, material, pattern, contrast, pixels, points)
         _shade_surfaces(light, start, triangle, normal, colour, linear, sunlit, tint, open_sky, air, points)
         _shade_mirrors(
             light, start, rays, triangle, normal, colour, material, linear, gloss, sunlit, mirrored, air, pixels[0],

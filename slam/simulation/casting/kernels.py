@@ -46,12 +46,15 @@ def note_ties(arguments):
 
 
 @njit(inline="always")
-def _load(packet, lanes, at, count, origin, direction, centre):
-    """Rays `at`.. into a packet; what lies beyond their count has no lane."""
-    common = len(origin) == 1
+def _load(packet, lanes, number, at, origin, direction, centre, order):
+    """The rays from `at` on into a packet, and their numbers; behind the last one, lanes have no ray."""
+    common, count = len(origin) == 1, len(direction)
     for lane in range(LANES):
         i = min(at + lane, count - 1)
         lanes[lane] = -1 if at + lane < count else 0
+        if len(order):
+            i = order[i]
+        number[lane] = i
         j = 0 if common else i
         for axis in range(3):
             packet[_OX + axis, lane] = origin[j, axis] - centre[axis]
@@ -103,10 +106,10 @@ def _cast_packet(packet, bits, lanes, single, single_bits, scene, together, apar
 
 
 @njit(inline="always")
-def _keep(packet, bits, lanes, at, first, reach, triangle, normal):
+def _keep(packet, bits, lanes, number, first, reach, triangle, normal):
     """Hits of a packet, with triangles numbered from `first`, where they are nearer than those that there are."""
     for lane in range(LANES):
-        i = at + lane
+        i = number[lane]
         if lanes[lane] and bits[_TRIANGLE, lane] != _NOTHING and packet[_BEST, lane] < reach[i]:
             reach[i] = packet[_BEST, lane]
             triangle[i] = np.int32(bits[_TRIANGLE, lane]) + first
@@ -116,9 +119,10 @@ def _keep(packet, bits, lanes, at, first, reach, triangle, normal):
 
 
 @njit(cache=True, nogil=True)
-def cast(origin, direction, centre, scenes, firsts, work, together, apart):
+def cast(origin, direction, order, centre, scenes, firsts, work, together, apart):
     """The first triangle that each ray meets; origin (1, 3) or (N, 3), direction (N, 3) float32.
 
+    order             (N,) int32 in which rays are taken together, or (0,): as they come
     scenes            (S,) int64: addresses of scenes whose origin is `centre` (3,), their triangles numbered from
                       `firsts` (S,) on
     work              (3, ROWS, LANES) float32, aligned: a packet, a ray of its own, and which lanes have a ray
@@ -129,13 +133,14 @@ def cast(origin, direction, centre, scenes, firsts, work, together, apart):
     reach = np.full(count, np.inf, np.float32)
     triangle = np.full(count, -1, np.int32)
     normal = np.zeros((count, 3), np.float32)
-    packet, single, lanes = work[0], work[1].ravel(), work[2, 0].view(np.int32)
+    packet, single = work[0], work[1].ravel()
+    lanes, number = work[2, 0].view(np.int32), work[2, 1].view(np.int32)
     bits, single_bits = packet.view(np.uint32), single.view(np.uint32)
     for at in range(0, count, LANES):
-        _load(packet, lanes, at, count, origin, direction, centre)
+        _load(packet, lanes, number, at, origin, direction, centre, order)
         for scene in range(len(scenes)):
             _cast_packet(packet, bits, lanes, single, single_bits, scenes[scene], together, apart)
-            _keep(packet, bits, lanes, at, firsts[scene], reach, triangle, normal)
+            _keep(packet, bits, lanes, number, firsts[scene], reach, triangle, normal)
     return reach, triangle, normal
 
 
@@ -144,10 +149,10 @@ def hidden(origin, direction, centre, scenes, work, arguments):
     """(N,) bool: whether anything stands in a ray's way, at whatever distance; as `cast`."""
     count = len(direction)
     found = np.zeros(count, np.bool_)
-    packet, lanes = work[0], work[2, 0].view(np.int32)
+    packet, lanes, number = work[0], work[2, 0].view(np.int32), work[2, 1].view(np.int32)
     bits = packet.view(np.uint32)
     for at in range(0, count, LANES):
-        _load(packet, lanes, at, count, origin, direction, centre)
+        _load(packet, lanes, number, at, origin, direction, centre, number[:0])
         for scene in scenes:
             _reset(packet, bits)
             _occluded8(lanes.ctypes.data, scene, packet.ctypes.data, arguments)
