@@ -11,6 +11,7 @@ import typer
 from enrichment.methods.registry import METHODS
 from slam.config import preset_names
 from slam.data.errors import InputError
+from slam.data.sensor_names import SENSORS
 
 
 class Input(StrEnum):
@@ -22,7 +23,7 @@ class Input(StrEnum):
 DatasetArgument = Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")]
 SequenceOption = Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")]
 FramesOption = Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")]
-SensorOption = Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML file with the beams.")]
+SensorOption = Annotated[str | None, typer.Option(help=f"{', '.join(SENSORS.names())} or a YAML file with the beams.")]
 ConfigOption = Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")]
 SetOption = Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")]
 StrictOption = Annotated[bool, typer.Option("--strict", help="Stop at the first damaged file instead of going on.")]
