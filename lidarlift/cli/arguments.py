@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from enrichment.methods.registry import METHODS
 from slam.config import preset_names
 from slam.data.errors import InputError
+from slam.data.registry import Registry
 from slam.data.sensor_names import SENSORS
 
 
@@ -50,3 +52,14 @@ def frame_slice(text: str) -> slice:
     except ValueError as error:
         raise InputError(f"--frames {text}: write FROM:TO or FROM:TO:STEP, as in 0:50 or ::2") from error
     return slice(*parts)
+
+
+def one_of(registry: Registry[Any]) -> Callable[[str | None], str | None]:
+    """The callback of an option that takes one of a registry's names."""
+
+    def checked(name: str | None) -> str | None:
+        if name is not None and name not in registry.names():
+            raise typer.BadParameter(f"'{name}' is not one of {', '.join(registry.names())}")
+        return name
+
+    return checked

@@ -7,7 +7,8 @@ from slam.data import se3
 from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.pose_files import kitti_text, tum_text
-from slam.simulation.drives import DRIVES, built_in, from_file, thinned
+from slam.simulation.drive_names import DRIVES
+from slam.simulation.drives import built_in, from_file, thinned
 
 CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])  # T_camera_lidar
 
@@ -21,7 +22,7 @@ def curve(count: int = 40, step: float = 1.0) -> Array:
     return np.array(poses)
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", DRIVES.names())
 def test_a_built_in_drive_is_driven_as_a_car_drives(name: str) -> None:
     drive = built_in(name)
     speed = np.diff(drive.way) / np.diff(drive.stamps)
