@@ -9,6 +9,7 @@ from slam.data import se3
 from slam.data.beams import nearest_rings, recover_rings, sweep_fraction
 from slam.data.cloud import PointCloud
 from slam.data.distortion import deskew
+from slam.data.sensor_names import SENSORS
 from slam.simulation.heads import HEADS, Lidar
 from slam.simulation.lidar import Scan, exact_scan, scan
 from slam.simulation.materials import INDEX, MATERIALS
@@ -211,3 +212,37 @@ def test_a_scan_of_the_sky_is_empty() -> None:
     xyz, reflectance = noisy(world(wall(500, "plaster")))
     assert xyz.shape == (0, 3)
     assert reflectance.shape == (0,)
+
+
+@pytest.mark.parametrize("name", HEADS)
+def test_lasers_look_aside_of_where_the_head_points(name: str) -> None:
+    lidar = Lidar.of(name)
+    seen = exact(courtyard(), lidar, motion=MOTION)
+    head = (0.5 - seen.fraction) * 2 * np.pi
+    aside = np.arctan2(seen.xyz[:, 1], seen.xyz[:, 0]) - head - lidar.sensor.azimuth[seen.ring]
+    assert np.abs((aside + np.pi) % (2 * np.pi) - np.pi).max() < 1e-4
+    assert seen.fraction.min() >= 0
+    assert seen.fraction.max() <= 1
+
+
+@pytest.mark.parametrize(
+    ("name", "rate", "columns"),
+    [("vlp16", 10, 1800), ("vlp16", 20, 900), ("vlp32c", 5, 3600), ("os1-64", 10, 1024), ("os1-128", 20, 1024)],
+)
+def test_columns_of_a_turn_as_the_real_ones_have(name: str, rate: float, columns: int) -> None:
+    seen = exact(courtyard(), Lidar.of(name, rate))
+    assert set(np.bincount(seen.ring)) == {columns}
+
+
+def test_an_os1_fires_all_lasers_at_once_and_a_velodyne_one_after_the_other() -> None:
+    for name, together in (("os1-64", True), ("vlp32c", False)):
+        lidar = Lidar.of(name)
+        seen = exact(courtyard(), lidar)
+        within = (seen.fraction * lidar.columns) % 1  # of a column; the same for a laser in all columns
+        of_a_laser = np.array([np.angle(np.exp(2j * np.pi * within[seen.ring == ring]).mean()) for ring in range(32)])
+        spread = np.abs(np.exp(1j * of_a_laser).mean())
+        assert (spread > 0.8) == together
+
+
+def test_every_built_in_sensor_has_a_head() -> None:
+    assert list(HEADS) == SENSORS.names()
