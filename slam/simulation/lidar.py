@@ -111,7 +111,8 @@ class _Lasers:
 
     def __init__(self, lidar: Lidar) -> None:
         rng, shape = np.random.default_rng(70), (lidar.sensor.ring_count, 1)
-        self.phase: Array = rng.random(shape) * (not lidar.head.together)
+        phase = rng.random(shape)
+        self.phase: Array = np.zeros(shape) if lidar.head.together else phase
         self.range_error = (lidar.head.laser_sigma * rng.standard_normal(shape)).astype(np.float32)
         self.shade = (LASER_SHADE * (0.7 - rng.exponential(size=shape))).astype(np.float32)
 

@@ -111,8 +111,10 @@ class Rig:
             share = 1 / self.lidar.rate / (drive.stamps[last] - drive.stamps[first])
             return Sweep.steady(pose, se3.scale(motion, share))
         (carried,) = drive.path(drive.stamps[index : index + 1])
-        way = drive.path(drive.stamps[index] + np.linspace(-0.5, 0.5, PARTS + 1) / self.lidar.rate)
-        return Sweep.along(way @ (se3.inverse(carried) @ pose))
+        way = np.array(drive.path(drive.stamps[index] + np.linspace(-0.5, 0.5, PARTS + 1) / self.lidar.rate))
+        way[:, :3, :3] = way[:, :3, :3] @ (carried[:3, :3].T @ pose[:3, :3])  # tilted
+        way[:, :3, 3] += pose[:3, 3] - carried[:3, 3]  # higher or lower
+        return Sweep.along(way)
 
     def stretch(self, index: int) -> int:
         """The number of the stretch of the way whose frames share one standing world."""

@@ -36,7 +36,9 @@ class _Scene:
 
     def poses(self, height: float) -> np.ndarray:
         if self.drive.path is not None:
-            return self.drive.path(self.drive.stamps)
+            poses = self.drive.path(self.drive.stamps)
+            poses[:, 2, 3] += height - 1.3
+            return poses
         poses = np.tile(np.eye(4), (len(self.drive), 1, 1))
         poses[:, :3, 3] = self.drive.position + np.array([0, 0, height])
         cosine, sine = np.cos(self.drive.yaw), np.sin(self.drive.yaw)

@@ -35,7 +35,7 @@ def in_the_world(courtyard: Courtyard, folder: Path, number: int) -> Any:
 
 
 def test_the_same_world_whatever_the_stamp(courtyard: Courtyard, tmp_path: Path) -> None:
-    courtyard.drive(path=courtyard.path)
+    courtyard.drive(path=courtyard.path, height=1.3)
     worlds = []
     for stamp, instant in INSTANT.items():
         folder = tmp_path / stamp
@@ -49,6 +49,29 @@ def test_the_same_world_whatever_the_stamp(courtyard: Courtyard, tmp_path: Path)
         assert np.percentile(off, 95) < 0.06
     np.testing.assert_allclose(worlds[0], worlds[1], atol=1e-4)
     np.testing.assert_allclose(worlds[0], worlds[2], atol=1e-4)
+
+
+def test_points_are_seen_from_where_a_car_is_at_their_times(courtyard: Courtyard) -> None:
+    courtyard.drive()
+    rig = Simulation(SimulationConfig(drive="jam", sensor="vlp32c", distort=True, camera=False, tilt=0.1)).rig
+    scan, sweep = rig.frame(2).scan, rig.sweep(2)
+    some = slice(None, None, 50)
+    poses = np.array([sweep.at(fraction) for fraction in scan.fraction[some]])
+    off = courtyard.off_the_walls(courtyard.placed(scan.xyz[some], poses))
+    assert np.median(off) < 0.02
+    assert np.percentile(off, 95) < 0.06
+    still = courtyard.off_the_walls(courtyard.placed(scan.xyz[some], rig.poses[[2] * len(poses)]))
+    assert np.percentile(still, 95) > 0.15  # and they were bent before
+
+
+def test_along_a_path_each_sweep_begins_where_the_one_before_ends(courtyard: Courtyard) -> None:
+    courtyard.drive(path=courtyard.path, height=1.3)
+    rig = Simulation(SimulationConfig(drive="jam", distort=True, camera=False, height=1.9, tilt=0.2)).rig
+    for number in range(4):
+        np.testing.assert_allclose(rig.sweep(number).at(1.0), rig.sweep(number + 1).at(0.0), atol=1e-9)
+        np.testing.assert_allclose(rig.sweep(number).at(0.5), rig.poses[number], atol=1e-9)
+    lifted = rig.poses[3][:3, 3] - courtyard.path(np.array([0.3]))[0, :3, 3]
+    np.testing.assert_allclose(lifted, [0, 0, 0.6], atol=1e-9)
 
 
 @pytest.mark.parametrize("stamp", INSTANT)
