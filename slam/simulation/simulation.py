@@ -19,6 +19,7 @@ import numpy as np
 from slam.data.atomic import write_text
 from slam.data.errors import InputError
 from slam.data.machine import usable_cores
+from slam.data.sensor_names import SENSORS
 from slam.simulation.drive_names import DRIVES
 from slam.simulation.drives import RATE, at_rate, built_in, from_file, thinned
 from slam.simulation.fingerprint import fingerprint
@@ -66,7 +67,8 @@ class SimulationConfig:
     stamp: str = "middle"
 
     def check(self) -> None:
-        """Raise InputError on what does not go together."""
+        """Raise InputError on what does not exist or does not go together."""
+        SENSORS.require(self.sensor)
         if self.format not in ("kitti", "folder") or self.stamp not in STAMPS:
             raise InputError(f"format '{self.format}', stamp '{self.stamp}': kitti or folder; {', '.join(STAMPS)}")
         if self.stamp != "middle" and self.format == "kitti":
