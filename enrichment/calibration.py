@@ -65,7 +65,7 @@ def relative_errors(method: Method, scan: SparseScan, held: Array) -> Array:
     assert cloud.ring is not None
     rows = np.full(scan.lines.ring_count, -1)
     rows[held] = np.arange(len(held))
-    lines = replace(scan.lines, elevation=scan.lines.elevation[held], offset=scan.lines.offset[held])
+    lines = scan.lines.only(held)
     grid = RayGrid(lines, scan.columns)
     prediction = method(scan.without(held), grid)
     truth = cloud.select(np.isin(cloud.ring, held))

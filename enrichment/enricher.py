@@ -102,4 +102,5 @@ def denser(lines: Sensor, rings: Array) -> Sensor:
         name=f"{lines.name}, enriched",
         elevation=np.interp(places, known, lines.elevation[rings]),
         offset=np.interp(places, known, lines.offset[rings]),
+        azimuth=np.interp(places, known, lines.azimuth[rings]),
     )

@@ -33,7 +33,8 @@ class Slam:
     Use it in a `with` statement, so that an exception stops the thread.
 
     Args:
-        sensor: A built-in LiDAR ('hdl64', 'vlp16') or a YAML file with its beams. Needed for input 'enriched'.
+        sensor: A built-in LiDAR ('hdl64', 'vlp16', 'vlp32c', ...) or a YAML file with its beams. Needed for input
+            'enriched'.
         input: '64', scans as they come; '16', rings dropped; 'enriched', the rest of about 64 filled in. By default as
             they come.
         enricher: The method of enrichment: 'ray-segment' takes some milliseconds and needs no camera.

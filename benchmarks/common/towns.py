@@ -7,7 +7,8 @@ from collections.abc import Iterable
 
 from slam.data.dataset import Dataset, open_dataset
 from slam.data.machine import cache_folder
-from slam.simulation.simulation import SEQUENCE, Simulation, SimulationConfig
+from slam.simulation.layouts import SEQUENCE
+from slam.simulation.simulation import Simulation, SimulationConfig
 
 CACHE = cache_folder("benchmarks")
 TOWNS = ("loop", "jam", "straight")
@@ -21,7 +22,7 @@ def simulated(name: str, settings: SimulationConfig, frames: Iterable[int] | Non
     sequence = folder / "sequences" / SEQUENCE
     for number in frames or ():
         if not (sequence / f"velodyne/{number:06d}.bin").is_file():
-            simulation.write_frame(sequence, number)
+            simulation.write_frame(folder, number)
     return open_dataset(folder)
 
 

@@ -139,7 +139,8 @@ def _distance_to_what_stands(path: Path) -> Callable[[Array], Array] | None:
         return None
     content = json.loads(about.read_text(encoding="utf-8")) | {"trajectory": None}
     content["spacing"] = content.pop("spacing_m")
-    simulation = Simulation(SimulationConfig(**{field.name: content[field.name] for field in fields(SimulationConfig)}))
+    known = {field.name: content[field.name] for field in fields(SimulationConfig) if field.name in content}
+    simulation = Simulation(SimulationConfig(**known))
     if not simulation.matches(path):
         raise InputError(f"{path}: simulated by other code than this; write it anew with lidarlift simulate")
     town = simulation.rig.scene.around(simulation.drive.position[:, :2].mean(axis=0), 1000.0)

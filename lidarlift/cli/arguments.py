@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from enrichment.methods.registry import METHODS
 from slam.config import preset_names
 from slam.data.errors import InputError
+from slam.data.registry import Registry
+from slam.data.sensor_names import SENSORS
 
 
 class Input(StrEnum):
@@ -22,7 +25,7 @@ class Input(StrEnum):
 DatasetArgument = Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")]
 SequenceOption = Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")]
 FramesOption = Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")]
-SensorOption = Annotated[str | None, typer.Option(help="hdl64, vlp16 or a YAML file with the beams.")]
+SensorOption = Annotated[str | None, typer.Option(help=f"{', '.join(SENSORS.names())} or a YAML file with the beams.")]
 ConfigOption = Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")]
 SetOption = Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")]
 StrictOption = Annotated[bool, typer.Option("--strict", help="Stop at the first damaged file instead of going on.")]
@@ -49,3 +52,14 @@ def frame_slice(text: str) -> slice:
     except ValueError as error:
         raise InputError(f"--frames {text}: write FROM:TO or FROM:TO:STEP, as in 0:50 or ::2") from error
     return slice(*parts)
+
+
+def one_of(registry: Registry[Any]) -> Callable[[str | None], str | None]:
+    """The callback of an option that takes one of a registry's names."""
+
+    def checked(name: str | None) -> str | None:
+        if name is not None and name not in registry.names():
+            raise typer.BadParameter(f"'{name}' is not one of {', '.join(registry.names())}")
+        return name
+
+    return checked

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from enum import StrEnum
 from pathlib import Path
@@ -9,32 +10,50 @@ from typing import Annotated
 
 import typer
 
+from lidarlift.cli.arguments import one_of
 from lidarlift.cli.console import progress
 from slam.data.atomic import require_writable
+from slam.data.sensor_names import SENSORS
+from slam.simulation.drive_names import DRIVES
 
 
-class Drive(StrEnum):
-    LOOP = "loop"
-    STRAIGHT = "straight"
-    TUNNEL = "tunnel"
-    JAM = "jam"
+class Format(StrEnum):
+    KITTI = "kitti"
+    FOLDER = "folder"
 
 
-class Sensor(StrEnum):
-    HDL64 = "hdl64"
-    VLP16 = "vlp16"
+class Stamp(StrEnum):
+    START = "start"
+    MIDDLE = "middle"
+    END = "end"
 
 
 def simulate(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder to write, as KITTI odometry has it.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder to write.")],
     drive: Annotated[
-        Drive | None, typer.Option(help="A built-in drive. Default: loop, which comes by the same places twice.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            callback=one_of(DRIVES),
+            help=f"A built-in drive: {', '.join(DRIVES.names())}. Default: loop, which comes by the same places twice.",
+        ),
     ] = None,
     trajectory: Annotated[
         Path | None, typer.Option(help="Drive along the poses of this file instead, KITTI or TUM format.")
     ] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Only so many, from the start of the drive.")] = None,
-    sensor: Annotated[Sensor, typer.Option(help="The LiDAR: 64 or 16 channels.")] = Sensor.HDL64,
+    sensor: Annotated[
+        str,
+        typer.Option(metavar="NAME", callback=one_of(SENSORS), help=f"The LiDAR: {', '.join(SENSORS.names())}."),
+    ] = "hdl64",
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Turns of the LiDAR a second, and frames.")] = 10.0,
+    height: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Of the LiDAR above the ground. Default: 1.73 on a car."),
+    ] = None,
+    tilt: Annotated[
+        float, typer.Option(metavar="DEG", help="Of the LiDAR, positive with its nose down; the camera stays level.")
+    ] = 0.0,
     spacing: Annotated[float | None, typer.Option(help="Metres between frames. Default: ten frames a second.")] = None,
     distort: Annotated[
         bool, typer.Option("--distort", help="The car moves during a sweep, as a real one does; `run` deskews.")
@@ -43,6 +62,13 @@ def simulate(
     with_depth: Annotated[
         bool, typer.Option("--with-depth", help="Also the exact depth of each image and the exact 64-channel scan.")
     ] = False,
+    format: Annotated[
+        Format,
+        typer.Option(help="kitti: KITTI odometry's; folder: .pcd scans, their points with ring and time."),
+    ] = Format.KITTI,
+    stamp: Annotated[
+        Stamp, typer.Option(help="The instant of a sweep that its stamp and true pose are of, in a folder.")
+    ] = Stamp.MIDDLE,
 ) -> None:
     """Simulate a drive through a town: scans, images, calibration and the true poses. An interrupted one is resumed.
 
@@ -54,18 +80,23 @@ def simulate(
 
     require_writable(folder)
     settings = SimulationConfig(
-        drive=drive.value if drive else "loop",
+        drive=drive or "loop",
         trajectory=trajectory,
         spacing=spacing,
-        sensor=sensor.value,
+        sensor=sensor,
         distort=distort,
         seed=seed,
         depth=with_depth,
+        rate=rate,
+        height=height,
+        tilt=math.radians(tilt),
+        format=format.value,
+        stamp=stamp.value,
     )
     simulation = Simulation(settings)
     count = min(frames or len(simulation), len(simulation))
     with progress("Simulating", count) as advance:
         simulation.write(folder, count, advance)
-    print(f"Written to {folder}: {count} frames of {sensor.value}, with true poses")
+    print(f"Written to {folder}: {count} frames of {sensor}, with true poses")
     name = folder.resolve().name
     print(f"Next: {shlex.join(['lidarlift', 'run', str(folder), '--out', f'runs/{name}'])}")

@@ -57,8 +57,9 @@ def pooled(sensor: Sensor) -> Sensor:
     """The mean lines of each POOL neighbouring lasers."""
     starts = np.arange(0, sensor.ring_count, POOL)
     count = np.diff(np.append(starts, sensor.ring_count))
-    elevation, offset = (np.add.reduceat(values, starts) / count for values in (sensor.elevation, sensor.offset))
-    return replace(sensor, name=f"{sensor.name}, pooled", elevation=elevation, offset=offset)
+    lines = (sensor.elevation, sensor.offset, sensor.azimuth)
+    elevation, offset, azimuth = (np.add.reduceat(values, starts) / count for values in lines)
+    return replace(sensor, name=f"{sensor.name}, pooled", elevation=elevation, offset=offset, azimuth=azimuth)
 
 
 def average_pool(cloud: PointCloud, sensor: Sensor) -> PointCloud:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from slam.data.cloud import Array
 from slam.data.errors import InputError
+from slam.data.sensor_names import SENSORS
 from slam.data.yaml_files import numbers, read_mapping, suggest
 
 
@@ -22,6 +22,7 @@ class Sensor:
     offset               (R,) float64, metres: the height of the laser above the sensor's origin
     vertical_correction  angle [rad] that every elevation has to be raised by before registration (`correct_vertical`)
     motion_compensated   its scans have been deskewed by their maker and must not be deskewed again
+    azimuth              (R,) float64, radians: what the laser sees is so far to the left of where the head points
     """
 
     name: str
@@ -29,19 +30,31 @@ class Sensor:
     offset: Array = field(repr=False)
     vertical_correction: float = 0.0
     motion_compensated: bool = False
+    azimuth: Array = field(default=None, repr=False)  # type: ignore[arg-type]  # zeros, filled in below
+
+    def __post_init__(self) -> None:
+        if self.azimuth is None:
+            object.__setattr__(self, "azimuth", np.zeros(len(self.elevation)))
+        if not len(self.elevation) == len(self.offset) == len(self.azimuth):
+            raise ValueError(f"Sensor {self.name}: elevation, offset and azimuth are of different lengths")
 
     @property
     def ring_count(self) -> int:
         """R, the number of lasers."""
         return len(self.elevation)
 
+    def only(self, rings: Array) -> Sensor:
+        """The same with some of its lasers: (K,) int or (R,) bool."""
+        lines = {name: getattr(self, name)[rings] for name in ("elevation", "offset", "azimuth")}
+        return replace(self, **lines)
+
 
 def load_sensor(name_or_file: str | Path) -> Sensor:
-    """The built-in sensor of that name (`hdl64`, `vlp16`), or the one that a YAML file describes.
+    """The built-in sensor of that name (one of SENSORS), or the one that a YAML file describes.
 
-    Keys of the file: `model`, a built-in name or, with `beams`, any; `beams`, a list of [elevation_deg, offset_m], top
-    first; `vertical_correction_deg`; `motion_compensated`. Raises InputError on an unknown name or key, with the
-    nearest right one, and on values that make no sense.
+    Keys of the file: `model`, a built-in name or, with `beams`, any; `beams`, a list of [elevation_deg, offset_m] or
+    [elevation_deg, offset_m, azimuth_deg], top first; `vertical_correction_deg`; `motion_compensated`. Raises
+    InputError on an unknown name or key, with the nearest right one, and on values that make no sense.
     """
     return _from_file(Path(name_or_file)) if _is_file(name_or_file) else _built_in(str(name_or_file), "")
 
@@ -52,25 +65,27 @@ def _is_file(name_or_file: str | Path) -> bool:
 
 
 def _built_in(name: str, where: str) -> Sensor:
-    key = name.lower().replace("-", "").replace("_", "").replace(" ", "").removesuffix("e")
-    if key not in BUILT_IN:
-        hint = suggest(key, BUILT_IN)
+    names = {_bare(known): known for known in SENSORS.names()}
+    key = _bare(name).removesuffix("e")
+    if key not in names:
+        hint = suggest(name.lower(), names.values())
         raise InputError(f"{where}unknown sensor '{name}'{hint}; other sensors are described in a sensor.yaml")
-    return BUILT_IN[key]()
+    return SENSORS.load(names[key])()
+
+
+def _bare(name: str) -> str:
+    return name.lower().replace("-", "").replace("_", "").replace(" ", "")
 
 
 def _from_file(path: Path) -> Sensor:
     content = read_mapping(path, ("model", "beams", "vertical_correction_deg", "motion_compensated"))
     name = str(content.get("model", path.stem))
     if "beams" in content:
-        beams = numbers(path, "beams", content["beams"], (-1, 2))
-        if len(beams) == 0 or (np.diff(beams[:, 0]) >= 0).any() or (np.abs(beams[:, 0]) >= 90).any():
-            raise InputError(f"{path}: 'beams' are [elevation_deg, offset_m], top first, falling, within 90 deg")
-        sensor = Sensor(name, np.deg2rad(beams[:, 0]), beams[:, 1])
+        sensor = _from_beams(path, name, content["beams"])
     elif "model" in content:
         sensor = _built_in(name, f"{path}: ")
     else:
-        raise InputError(f"{path}: 'model' (one of {', '.join(BUILT_IN)}) or 'beams' is needed")
+        raise InputError(f"{path}: 'model' (one of {', '.join(SENSORS.names())}) or 'beams' is needed")
     correction = numbers(path, "vertical_correction_deg", content.get("vertical_correction_deg", 0.0), ())
     compensated = content.get("motion_compensated", False)
     if not isinstance(compensated, bool):
@@ -78,21 +93,14 @@ def _from_file(path: Path) -> Sensor:
     return replace(sensor, vertical_correction=float(np.deg2rad(correction)), motion_compensated=compensated)
 
 
-@lru_cache(maxsize=1)
-def _hdl64() -> Sensor:
-    text = resources.files("slam.data").joinpath("hdl64_lasers.csv").read_text(encoding="utf-8")
-    _, elevation, offset = np.loadtxt(text.splitlines(), delimiter=",", unpack=True)
-    return Sensor("hdl64", np.deg2rad(elevation), offset)
-
-
-@lru_cache(maxsize=1)
-def _vlp16() -> Sensor:
-    """Velodyne VLP-16 user manual 63-9243, table of vertical angles and vertical corrections."""
-    millimetres = [-11.2, -9.7, -8.1, -6.6, -5.1, -3.7, -2.2, -0.7, 0.7, 2.2, 3.7, 5.1, 6.6, 8.1, 9.7, 11.2]
-    return Sensor("vlp16", np.deg2rad(np.arange(15.0, -16.0, -2.0)), np.array(millimetres) / 1000)
-
-
-BUILT_IN = {"hdl64": _hdl64, "vlp16": _vlp16}
+def _from_beams(path: Path, name: str, rows: Any) -> Sensor:
+    staggered = isinstance(rows, list) and all(isinstance(row, list) and len(row) == 3 for row in rows)
+    beams = numbers(path, "beams", rows, (-1, 3 if staggered else 2))
+    if len(beams) == 0 or (np.diff(beams[:, 0]) >= 0).any() or (np.abs(beams[:, 0]) >= 90).any():
+        form = "[elevation_deg, offset_m] or [elevation_deg, offset_m, azimuth_deg]"
+        raise InputError(f"{path}: 'beams' are {form}, top first, falling, within 90 deg")
+    azimuth = np.deg2rad(beams[:, 2]) if staggered else np.zeros(len(beams))
+    return Sensor(name, np.deg2rad(beams[:, 0]), beams[:, 1], azimuth=azimuth)
 
 
 def sensor_of_folder(folder: Path, override: str | Path | None, default: Sensor | None = None) -> Sensor | None:
@@ -116,5 +124,6 @@ def kitti_sensor(folder: Path, override: str | Path | None, motion_compensated: 
 
     Its elevations are 0.205 deg too low (Deschaud, "IMLS-SLAM", ICRA 2018; the value is KISS-ICP's).
     """
-    kitti = replace(_hdl64(), vertical_correction=float(np.deg2rad(0.205)), motion_compensated=motion_compensated)
+    correction = float(np.deg2rad(0.205))
+    kitti = replace(load_sensor("hdl64"), vertical_correction=correction, motion_compensated=motion_compensated)
     return sensor_of_folder(folder, override, kitti) or kitti

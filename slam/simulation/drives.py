@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
 from slam.data import se3
 from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.pose_files import read_poses
+from slam.simulation.drive_names import DRIVES
 
 RATE = 10.0  # frames a second, KITTI's
 LANE = 1.75  # metres from the middle of the road to the middle of a lane; traffic keeps to the right
@@ -35,6 +37,8 @@ class Drive:
     scene     what it leads through, one of SCENES
     path      T_world_sensor (K, 4, 4) at stamps (K,), where it is known between the frames too (a sensor carried by
               hand); None: a constant velocity from frame to frame
+    height    of the LiDAR above the ground [m] unless another is asked for; None: the car's
+    rate      turns of the LiDAR a second: frames, unless they are `thinned` or `spacing` sets them
     """
 
     name: str
@@ -45,6 +49,8 @@ class Drive:
     jam: bool = False
     scene: str = "town"
     path: Callable[[Array], Array] | None = None
+    height: float | None = None
+    rate: float = RATE
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -57,8 +63,11 @@ class Drive:
 
 
 def built_in(name: str, spacing: float | None = None) -> Drive:
-    """One of DRIVES; `spacing` asks for a frame every so many metres instead of ten a second."""
-    return DRIVES[name](spacing)
+    """One of DRIVES; `spacing` asks for a frame every so many metres instead of ten a second.
+
+    Raises InputError where there is none of that name.
+    """
+    return DRIVES.load(name)(spacing)
 
 
 def loop(spacing: float | None = None) -> Drive:
@@ -83,10 +92,6 @@ def jam(spacing: float | None = None) -> Drive:
     speed = np.clip(1.6 + 2.2 * np.sin(0.45 * stamps) + 0.7 * np.sin(1.07 * stamps + 1.0), 0.0, None)
     way = np.concatenate([[0.0], np.cumsum(gaussian_filter1d(speed, 4))[:-1]]) / RATE
     return _along("jam", _lane(np.array([(0.0, 0.0), (120.0, 0.0)])), stamps, way, spacing, jam=True)
-
-
-#: The built-in drives by name.
-DRIVES: dict[str, Callable[[float | None], Drive]] = {"loop": loop, "straight": straight, "tunnel": tunnel, "jam": jam}
 
 
 def thinned(drive: Drive, every: int) -> Drive:
@@ -209,3 +214,15 @@ def _spaced(drive: Drive, spacing: float | None) -> Drive:
     columns = [np.interp(at, way[moving], drive.position[moving, axis]) for axis in range(3)]
     yaw = np.interp(at, way[moving], drive.yaw[moving])
     return Drive(drive.name, np.arange(len(at)) / RATE, np.column_stack(columns), yaw, drive.tunnel, drive.jam)
+
+
+def at_rate(drive: Drive, rate: float) -> Drive:
+    """The same way in the same time, with so many frames a second: along its `path`, else smoothly between its frames,
+    which it passes, and never back and forth."""
+    stamps = np.arange(drive.stamps[0], drive.stamps[-1] + 0.01 / rate, 1 / rate)
+    stamps = np.minimum(stamps, drive.stamps[-1])
+    position, yaw = (np.asarray(PchipInterpolator(drive.stamps, of)(stamps)) for of in (drive.position, drive.yaw))
+    if drive.path is not None:
+        poses = drive.path(stamps)
+        position[:, :2], yaw = poses[:, :2, 3], np.unwrap(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
+    return replace(drive, stamps=stamps, position=position, yaw=yaw, rate=rate)

@@ -9,7 +9,9 @@ from pathlib import Path
 
 PACKAGE = "slam.simulation"
 #: What of the ground floor computes poses, rays and points.
-NUMERICS = tuple(f"slam.data.{name}" for name in ("distortion", "kernels", "kitti", "pose_files", "se3", "sensor"))
+NUMERICS = tuple(
+    f"slam.data.{name}" for name in ("distortion", "kernels", "kitti", "pose_files", "se3", "sensor", "sensor_tables")
+)
 
 
 def fingerprint(*modules: str) -> str:

@@ -9,62 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slam.data.cloud import Array, PointCloud
-from slam.data.distortion import deskew
-from slam.data.sensor import Sensor
+from slam.data.cloud import Array
+from slam.simulation.heads import Head, Lidar
 from slam.simulation.materials import MATERIALS
+from slam.simulation.sweep import Sweep
 from slam.simulation.world import World
-
-#: What the recording car's roof and rack hide of its HDL-64E: first and last ring, azimuth from and to [deg].
-KITTI_CAR = (
-    (44, 52, 157, 164),
-    (44, 52, 197, 204),
-    (52, 52, 169, 194),
-    (53, 59, 156, 205),
-    (60, 63, 151, 211),
-    (48, 56, 281, 302),
-    (57, 60, 279, 299),
-    (61, 63, 279, 290),
-    (56, 61, 127, 136),
-    (62, 63, 127, 145),
-    (56, 61, 227, 235),
-    (62, 63, 218, 235),
-    (57, 63, 344, 360),
-    (57, 59, 0, 13),
-    (60, 63, 0, 19),
-    (61, 63, 27, 37),
-    (60, 63, 322, 333),
-)
-
-
-@dataclass(frozen=True)
-class Head:
-    """How a LiDAR turns and how far it sees.
-
-    columns     pulses of each laser in a turn
-    nearest     and `farthest`: the ranges that it reports [m]
-    asphalt     distance [m] at which half of the pulses are lost that graze a road from a car's roof
-    encoder     step [rad] of the angles that it reports; the pulses themselves come evenly
-    hidden      of its view by its own car: rows as in KITTI_CAR
-    """
-
-    columns: int
-    nearest: float
-    farthest: float
-    asphalt: float
-    encoder: float
-    hidden: tuple[tuple[int, int, int, int], ...] = ()
-
-
-HEADS = {
-    "hdl64": Head(2156, 0.9, 80.0, 58.0, np.deg2rad(0.09), KITTI_CAR),
-    "vlp16": Head(1800, 0.5, 100.0, 40.0, np.deg2rad(0.01)),  # user manual 63-9243, at 10 Hz
-}
 
 GAP = 0.1  # of a column, between two rings of a file: the first and last points of a ring stay on their side of +x
 ROOF = 1.73  # m above the road
 FALL = 1.4  # how steeply the chance of an echo falls with its power
-LASER_SIGMA, PULSE_SIGMA = 0.023, 0.011  # m, of a laser's constant range error and of each pulse
 WEAK = 3.0  # so much wider is the error of the weakest echoes
 EDGE, MIXED = (0.2, 3.0), 0.3  # m between two surfaces, and the share of the pulses between them that see both
 GRAZING = 0.15  # power of the cosine of incidence that reported reflectances fall by
@@ -78,58 +31,74 @@ _REFLECTANCE, _RETROREFLECT, _LOST = (
 
 
 @dataclass(frozen=True, eq=False)
+class Scan:
+    """The N points of one turn, ring after ring from the top, each counter-clockwise from +x: KITTI's file order.
+
+    xyz          (N, 3) float32 metres, in the frame that the sensor had when it saw them
+    reflectance  (N,) float32
+    ring         (N,) uint16, 0 = top
+    fraction     (N,) float32 of the sweep when each was seen: 0 where the head points to the rear, from where it turns
+                 over the left and the front (1/2) to the right
+    """
+
+    xyz: Array
+    reflectance: Array
+    ring: Array
+    fraction: Array
+
+
+@dataclass(frozen=True, eq=False)
 class _Pulses:
-    """R lasers times C columns, ring after ring, each counter-clockwise from +x: in the order of KITTI's files.
+    """R lasers times C columns, in the order of a `Scan`.
 
     azimuth    (R, C) float32, 0..2 pi
+    fraction   (R, C) float32 of the sweep
     direction  (R, C, 3) float32, of unit length, in the frame of the sensor at that instant
     reach      (R, C) float32: metres to what it meets, inf where it meets nothing
     material   (R, C) of that; `incidence` (R, C) the cosine of the angle to its normal
     """
 
     azimuth: Array
+    fraction: Array
     direction: Array
     reach: Array
     material: Array
     incidence: Array
 
 
-def scan(world: World, sensor: Sensor, pose: Array, motion: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Points (N, 3) float32 and reflectances (N,) float32 of one turn, as recorded and in KITTI's file order.
-
-    `pose` (4, 4) is T_world_lidar at mid-sweep, looking ahead; `motion` (4, 4) is T_start_end of the sweep, which
-    `slam.data.distortion.deskew` undoes; identity for a scan without distortion. Points are in the frame that the
-    sensor had when it saw them. Whatever the world is, the same count of random numbers is drawn.
-    """
-    head, lasers = _head(sensor), _Lasers(sensor)
-    shape = (sensor.ring_count, head.columns)
+def scan(world: World, lidar: Lidar, sweep: Sweep, rng: np.random.Generator) -> Scan:
+    """One turn as recorded. Whatever the world is, the same count of random numbers is drawn."""
+    head, sensor, lasers = lidar.head, lidar.sensor, _Lasers(lidar)
+    shape = (sensor.ring_count, lidar.columns)
     turn = rng.random()
     lottery, mixing, between = rng.random((3, *shape), np.float32)
     wide, shade = rng.standard_normal((2, *shape), np.float32)
 
-    pulses = _cast(world, sensor, pose, motion, lasers.phase + turn)
+    pulses = _cast(world, lidar, sweep, lasers.phase + turn)
     chance = _echo_chance(pulses, head)
     reach = _mixed(pulses.reach, mixing, between)
     seen = (reach > head.nearest) & (reach < head.farthest) & (lottery < chance * (1 - _LOST[pulses.material]))
     seen &= ~_hidden(head, pulses.azimuth)
 
-    sigma = np.float32(PULSE_SIGMA) * (1 + np.float32(WEAK) * (1 - chance))
+    sigma = np.float32(head.pulse_sigma) * (1 + np.float32(WEAK) * (1 - chance))
     reported = (reach + lasers.range_error + sigma * wide)[seen]
-    azimuth = _read_encoder(pulses.azimuth, head, lasers.phase)[seen]
+    azimuth = _read_encoder(pulses.azimuth, lidar, lasers.phase)[seen]
     ring = np.nonzero(seen)[0]
     xyz = _points(reported, azimuth, sensor.elevation.astype(np.float32)[ring], sensor.offset.astype(np.float32)[ring])
     value = _reflectance(pulses, seen) + (lasers.shade + np.float32(SHADE) * shade)[seen]
-    return _rounded(xyz, 1000), _rounded(np.clip(value, 0, 0.99), 100)
+    reflectance = _rounded(np.clip(value, 0, 0.99), 100)
+    return Scan(_rounded(xyz, 1000), reflectance, ring.astype(np.uint16), pulses.fraction[seen])
 
 
-def exact_scan(world: World, sensor: Sensor, pose: Array, motion: Array) -> tuple[Array, Array]:
+def exact_scan(world: World, lidar: Lidar, sweep: Sweep) -> Scan:
     """The same without noise: every pulse that meets something within range, where it meets it."""
-    head = _head(sensor)
-    pulses = _cast(world, sensor, pose, motion, _Lasers(sensor).phase)
+    head = lidar.head
+    pulses = _cast(world, lidar, sweep, _Lasers(lidar).phase)
     seen = (pulses.reach > head.nearest) & (pulses.reach < head.farthest)
+    ring = np.nonzero(seen)[0]
     xyz = pulses.reach[seen, None] * pulses.direction[seen]
-    xyz[:, 2] += sensor.offset.astype(np.float32)[np.nonzero(seen)[0]]
-    return xyz, np.clip(_reflectance(pulses, seen), 0, 1)
+    xyz[:, 2] += lidar.sensor.offset.astype(np.float32)[ring]
+    return Scan(xyz, np.clip(_reflectance(pulses, seen), 0, 1), ring.astype(np.uint16), pulses.fraction[seen])
 
 
 class _Lasers:
@@ -140,51 +109,38 @@ class _Lasers:
     shade        error of its reflectances, mostly small, of some lasers far too dark
     """
 
-    def __init__(self, sensor: Sensor) -> None:
-        rng, shape = np.random.default_rng(70), (sensor.ring_count, 1)
-        self.phase: Array = rng.random(shape)
-        self.range_error = (LASER_SIGMA * rng.standard_normal(shape)).astype(np.float32)
+    def __init__(self, lidar: Lidar) -> None:
+        rng, shape = np.random.default_rng(70), (lidar.sensor.ring_count, 1)
+        phase = rng.random(shape)
+        self.phase: Array = np.zeros(shape) if lidar.head.together else phase
+        self.range_error = (lidar.head.laser_sigma * rng.standard_normal(shape)).astype(np.float32)
         self.shade = (LASER_SHADE * (0.7 - rng.exponential(size=shape))).astype(np.float32)
 
 
-def _head(sensor: Sensor) -> Head:
-    """Its own, or that of a small LiDAR."""
-    return HEADS.get(sensor.name, HEADS["vlp16"])
-
-
-def _cast(world: World, sensor: Sensor, pose: Array, motion: Array, phase: Array) -> _Pulses:
-    """Every pulse of a turn, with each laser at its phase (R, 1) within the columns."""
-    step = 2 * np.pi / _head(sensor).columns
-    within = GAP + (1 - 2 * GAP) * (phase % 1)
-    azimuth = (step * (np.arange(_head(sensor).columns) + within)).astype(np.float32)
+def _cast(world: World, lidar: Lidar, sweep: Sweep, phase: Array) -> _Pulses:
+    """Every pulse of a turn, with each laser at its phase (R, 1) within the columns of the head."""
+    sensor, step = lidar.sensor, 2 * np.pi / lidar.columns
+    aside = sensor.azimuth[:, None]
+    within = GAP + (1 - 2 * GAP) * ((phase + aside / step) % 1)
+    azimuth = (step * (np.arange(lidar.columns) + within)).astype(np.float32)
+    fraction = (0.5 - (azimuth - aside.astype(np.float32)) / np.float32(2 * np.pi)) % 1
     shape, unit = azimuth.shape, np.ones(azimuth.size, np.float32)
     elevation = np.repeat(sensor.elevation.astype(np.float32), shape[1])
     direction = _points(unit, azimuth.ravel(), elevation, np.zeros_like(unit))
     origin = np.zeros_like(direction)
     origin[:, 2] = np.repeat(sensor.offset, shape[1])
 
-    start, way = _at_mid_sweep(origin, direction, azimuth.ravel(), motion)
-    rotation = pose[:3, :3].astype(np.float32)
-    start, way = (np.einsum("ij,kj->ik", v, rotation) for v in (start, way))  # `@` waits long for BLAS's threads
-    hits = world.cast(start + pose[:3, 3], way)
+    start, way = sweep.in_world(origin, direction, fraction.ravel())
+    hits = world.cast(start, way)
     incidence = np.abs(np.einsum("ij,ij->i", way, hits.normal))
     return _Pulses(
         azimuth,
+        fraction,
         direction.reshape(*shape, 3),
         hits.reach.reshape(shape),
         np.where(hits.triangle < 0, 0, world.material[hits.triangle]).reshape(shape),
         np.where(hits.triangle < 0, 0, incidence).reshape(shape),
     )
-
-
-def _at_mid_sweep(origin: Array, direction: Array, azimuth: Array, motion: Array) -> tuple[Array, Array]:
-    """Rays given in the frames of the sensor when it sent them, in its frame at mid-sweep."""
-    fraction = (0.5 - azimuth / np.float32(2 * np.pi)) % 1
-    both = PointCloud(
-        np.concatenate([origin, origin + direction]), np.zeros(2 * len(origin)), time=np.tile(fraction, 2)
-    )
-    start, tip = np.split(deskew(both, motion).xyz, 2)
-    return start, tip - start
 
 
 def _points(reach: Array, azimuth: Array, elevation: Array, offset: Array) -> Array:
@@ -223,9 +179,9 @@ def _hidden(head: Head, azimuth: Array) -> Array:
     return hidden
 
 
-def _read_encoder(azimuth: Array, head: Head, phase: Array) -> Array:
+def _read_encoder(azimuth: Array, lidar: Lidar, phase: Array) -> Array:
     """(R, C): the step of the encoder in which a pulse was sent; its middle, and never over +x."""
-    step, edge = np.float32(head.encoder), 2 * np.pi / head.columns * GAP
+    step, edge = np.float32(lidar.head.encoder), 2 * np.pi / lidar.columns * GAP
     shift = phase.astype(np.float32)
     return np.clip((np.floor(azimuth / step + shift) + np.float32(0.5) - shift) * step, edge, 2 * np.pi - edge)
 

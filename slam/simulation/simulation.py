@@ -1,4 +1,4 @@
-"""A simulated drive as a folder in the layout of KITTI's odometry benchmark."""
+"""A simulated drive, written frame by frame."""
 
 from __future__ import annotations
 
@@ -14,26 +14,20 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from slam.data import se3
-from slam.data.atomic import write_text, written_beside
-from slam.data.cloud import Array
-from slam.data.depth_map import DEPTH_SCALE
+from slam.data.atomic import write_text
 from slam.data.errors import InputError
 from slam.data.machine import usable_cores
-from slam.data.pose_files import kitti_text
-from slam.data.sensor import load_sensor
-from slam.simulation.camera import CAMERA
-from slam.simulation.drives import built_in, from_file, thinned
+from slam.data.sensor_names import SENSORS
+from slam.simulation.drive_names import DRIVES
+from slam.simulation.drives import RATE, at_rate, built_in, from_file, thinned
 from slam.simulation.fingerprint import fingerprint
-from slam.simulation.rig import TR, Rig
+from slam.simulation.heads import Lidar
+from slam.simulation.layouts import STAMPS, FolderLayout, KittiLayout, Layout
+from slam.simulation.rig import Mount, Rig
 from slam.simulation.scene import SCENES
 
-SEQUENCE = "00"
-#: As small as zlib's default makes it, and quicker.
-PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY]
 FEW = 8  # so many frames are written before other processes have started
 MOST = 4  # processes: each holds a town
 
@@ -46,10 +40,15 @@ class SimulationConfig:
     trajectory  names a file of poses
     spacing     metres between frames; None: ten frames a second
     every       2 takes every other one of these frames, and so on
-    sensor      hdl64 or vlp16
+    sensor      one of HEADS
     distort     the car moves while the LiDAR turns, as in KITTI's raw drives
     depth       also write the exact depth of each image and the exact 64-channel scan
     camera      take images at all: without, a drive takes a fifth of the time and half of the room
+    rate        turns of the LiDAR a second, and frames
+    height      of the LiDAR above the ground [m]; None: the drive's own, mostly that of KITTI's car
+    tilt        of the LiDAR [rad], positive with its nose down
+    format      kitti or folder: see `KittiLayout`, `FolderLayout`
+    stamp       start, middle or end: the instant of a sweep that its stamp and pose belong to; kitti's is the middle
     """
 
     drive: str = "loop"
@@ -61,15 +60,41 @@ class SimulationConfig:
     seed: int = 0
     depth: bool = False
     camera: bool = True
+    rate: float = RATE
+    height: float | None = None
+    tilt: float = 0.0
+    format: str = "kitti"
+    stamp: str = "middle"
+
+    def check(self) -> None:
+        """Raise InputError on what does not exist or does not go together."""
+        SENSORS.require(self.sensor)
+        if self.format not in ("kitti", "folder") or self.stamp not in STAMPS:
+            raise InputError(f"format '{self.format}', stamp '{self.stamp}': kitti or folder; {', '.join(STAMPS)}")
+        if self.stamp != "middle" and self.format == "kitti":
+            raise InputError(f"--stamp {self.stamp}: KITTI's stamps are of mid-sweep; add --format folder")
+        if self.stamp != "middle" and not self.distort:
+            raise InputError(f"--stamp {self.stamp}: without --distort the LiDAR stands still in a sweep; add that")
+        if self.rate != RATE and self.spacing is not None:
+            raise InputError(f"--rate {self.rate:g}: --spacing says already where frames are; leave one of them out")
+        if not 1 <= self.rate <= 100:
+            raise InputError(f"--rate {self.rate:g}: LiDARs turn 1 to 100 times a second, mostly 5 to 20")
+        if self.height is not None and not 0 < self.height <= 20:
+            raise InputError(f"--height {self.height:g}: a LiDAR is mounted 0 to 20 m above the ground")
+        if not abs(self.tilt) < np.pi / 2:
+            raise InputError(f"--tilt {np.rad2deg(self.tilt):g}: between -90 and 90 deg")
 
 
 class Simulation:
     """A drive that can be written. Raises InputError where its trajectory is no drive."""
 
     def __init__(self, settings: SimulationConfig) -> None:
+        settings.check()
         self.settings = settings
         path, spacing = settings.trajectory, settings.spacing
         drive = from_file(path, spacing) if path else built_in(settings.drive, spacing)
+        if settings.rate != RATE:
+            drive = at_rate(drive, settings.rate)
         self.drive = thinned(drive, settings.every)
 
     def __len__(self) -> int:
@@ -79,9 +104,14 @@ class Simulation:
     def rig(self) -> Rig:
         """The car in its town, which takes a few seconds to build."""
         settings = self.settings
-        sensor = load_sensor(settings.sensor)
         return Rig(
-            self.drive, sensor, settings.seed, distort=settings.distort, truth=settings.depth, camera=settings.camera
+            self.drive,
+            Lidar.of(settings.sensor, settings.rate),
+            settings.seed,
+            mount=Mount(settings.height, settings.tilt),
+            distort=settings.distort,
+            truth=settings.depth,
+            camera=settings.camera,
         )
 
     def matches(self, folder: Path) -> bool:
@@ -93,11 +123,10 @@ class Simulation:
 
     def missing(self, folder: Path, frames: int | None = None) -> list[int]:
         """Of the first `frames`, or all, the numbers of those that the folder does not have."""
-        sequence = folder / "sequences" / SEQUENCE
         return [
             number
             for number in self._numbers(frames)
-            if not all(path.is_file() for path in self._files(sequence, number))
+            if not all(path.is_file() for path in self._files(folder, number))
         ]
 
     def write(self, folder: Path, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> None:
@@ -109,30 +138,23 @@ class Simulation:
         """
         if not self.matches(folder):
             raise InputError(f"{folder}: holds something else already; name a new folder, or empty this one")
-        sequence, missing = folder / "sequences" / SEQUENCE, self.missing(folder, frames)
+        missing = self.missing(folder, frames)
         for _ in range(len(self._numbers(frames)) - len(missing)):
             on_frame()
-        self._write_surroundings(folder, sequence)
+        write_text(folder / "simulation.json", self._about())
+        self._layout(folder).write_surroundings(self.rig, self.drive.stamps)
         if len(missing) <= FEW:
             for number in missing:
-                self.write_frame(sequence, number)
+                self.write_frame(folder, number)
                 on_frame()
         else:
-            self._share_out(sequence, missing, on_frame)
+            self._share_out(folder, missing, on_frame)
 
-    def write_frame(self, sequence: Path, number: int) -> None:
-        """One frame into the folder of its sequence; its scan, which comes last, says that it is whole."""
-        frame = self.rig.frame(number)
-        values = {
-            "image_2": frame.image,
-            "depth_2": frame.depth,
-            "velodyne_exact": frame.exact,
-            "velodyne": frame.scan,
-        }
-        for path in self._files(sequence, number):
-            _write(path, values[path.parent.name])
+    def write_frame(self, folder: Path, number: int) -> None:
+        """One frame into the folder of the simulation."""
+        self._layout(folder).write(self.rig.frame(number), number)
 
-    def _share_out(self, sequence: Path, numbers: list[int], on_frame: Callable[[], None]) -> None:
+    def _share_out(self, folder: Path, numbers: list[int], on_frame: Callable[[], None]) -> None:
         """Frames written by one process a core; those of one stretch by the same, which builds it once."""
         count = processes()
         context = multiprocessing.get_context("spawn")  # a fork would inherit the locks of threads that are not there
@@ -141,44 +163,30 @@ class Simulation:
             for worker in workers:
                 stack.callback(worker.shutdown, cancel_futures=True)
             shared = [
-                workers[self.rig.stretch(number) % count].submit(_write_one, sequence, number) for number in numbers
+                workers[self.rig.stretch(number) % count].submit(_write_one, folder, number) for number in numbers
             ]
             try:
                 for written in as_completed(shared):
                     written.result()
                     on_frame()
             except BrokenProcessPool as error:
-                message = f"{sequence}: a process was killed, for memory perhaps; run it again to go on"
+                message = f"{folder}: a process was killed, for memory perhaps; run it again to go on"
                 raise InputError(message) from error
 
     def _numbers(self, frames: int | None) -> range:
         return range(len(self) if frames is None else min(frames, len(self)))
 
-    def _files(self, sequence: Path, number: int) -> tuple[Path, ...]:
-        """The files of a frame, in the order in which they are written."""
+    def _layout(self, folder: Path) -> Layout:
         settings = self.settings
-        parts = {
-            "image_2/{:06d}.png": settings.camera,
-            "depth_2/{:06d}.png": settings.camera and settings.depth,
-            "velodyne_exact/{:06d}.bin": settings.depth,
-            "velodyne/{:06d}.bin": True,
-        }
-        return tuple(sequence / name.format(number) for name, wanted in parts.items() if wanted)
+        if settings.format == "kitti":
+            return KittiLayout(folder)
+        return FolderLayout(folder, 1 / settings.rate, settings.stamp)
 
-    def _write_surroundings(self, folder: Path, sequence: Path) -> None:
-        """All but the frames: what they are, calibration, stamps, sensor and true poses of the whole drive."""
-        write_text(folder / "simulation.json", self._about())
-        rows = {"P0": CAMERA.P2 * [1, 1, 1, 0], "P2": CAMERA.P2, "Tr": TR[:3]}
-        lines = (f"{name}: " + " ".join(f"{value:.12e}" for value in row.ravel()) for name, row in rows.items())
-        write_text(sequence / "calib.txt", "\n".join(lines) + "\n")
-        write_text(sequence / "times.txt", "".join(f"{stamp:e}\n" for stamp in self.drive.stamps))
-        compensated = "false" if self.settings.distort else "true"
-        write_text(
-            sequence / "sensor.yaml",
-            f"model: {self.settings.sensor}\nvertical_correction_deg: 0.0\nmotion_compensated: {compensated}\n",
-        )
-        poses = TR @ self.rig.poses @ se3.inverse(TR)
-        write_text(folder / "poses" / f"{SEQUENCE}.txt", kitti_text(se3.inverse(poses[0]) @ poses))
+    def _files(self, folder: Path, number: int) -> list[Path]:
+        """The files that a frame has with these settings."""
+        settings = self.settings
+        wanted = {"image": settings.camera, "depth": settings.camera and settings.depth, "exact": settings.depth}
+        return [path for part, path in self._layout(folder).files(number).items() if wanted.get(part, True)]
 
     def _about(self) -> str:
         """What tells this simulation from others: its settings, the way, and the code that makes it."""
@@ -193,11 +201,25 @@ class Simulation:
             "seed": settings.seed,
             "depth": settings.depth,
             "camera": settings.camera,
+            **self._unusual(),
             "frames": len(self),
             "way": way.hexdigest()[:16],
-            "code": fingerprint(__name__, SCENES.own[self.drive.scene].split(":")[0]),
+            "code": fingerprint(__name__, *self._chosen()),
         }
         return json.dumps(about, indent=2) + "\n"
+
+    def _chosen(self) -> list[str]:
+        """The modules of what was chosen by name."""
+        places = [SCENES.own[self.drive.scene]]
+        if not self.settings.trajectory:
+            places.append(DRIVES.own[self.settings.drive])
+        return [place.split(":")[0] for place in places]
+
+    def _unusual(self) -> dict[str, object]:
+        """Of the settings that came later, those that are not as they always were."""
+        later = ("rate", "height", "tilt", "format", "stamp")
+        values = {name: getattr(self.settings, name) for name in later}
+        return {name: value for name, value in values.items() if value != getattr(SimulationConfig, name)}
 
 
 def processes() -> int:
@@ -214,17 +236,5 @@ def _begin(settings: SimulationConfig) -> None:
     _simulation = Simulation(settings)
 
 
-def _write_one(sequence: Path, number: int) -> None:
-    _simulation.write_frame(sequence, number)
-
-
-def _write(path: Path, values: Array | None) -> None:
-    """Points (N, 4) float32 as .bin; an image (H, W, 3) uint8 RGB or a depth map (H, W) float32 [m] as .png."""
-    assert values is not None
-    if path.suffix == ".bin":
-        content = values.tobytes()
-    else:
-        depth = np.minimum(np.round(values * DEPTH_SCALE), 65535).astype(np.uint16) if values.ndim == 2 else None
-        content = cv2.imencode(".png", values[..., ::-1] if depth is None else depth, PNG)[1].tobytes()
-    with written_beside(path) as temporary:
-        temporary.write_bytes(content)
+def _write_one(folder: Path, number: int) -> None:
+    _simulation.write_frame(folder, number)

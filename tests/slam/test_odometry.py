@@ -395,7 +395,7 @@ def test_a_drive_may_begin_in_a_sharp_corner() -> None:
     odometry, poses = Odometry(OdometrySettings()), []
     for number in frames:
         scan = simulation.rig.frame(number).scan
-        poses.append(odometry.register(PointCloud(scan[:, :3], scan[:, 3]), 0.1 * number).pose)
+        poses.append(odometry.register(PointCloud(scan.xyz, scan.reflectance), 0.1 * number).pose)
     assert np.rad2deg(simulation.drive.yaw[frames[1]] - simulation.drive.yaw[frames[0]]) > 9
     truth = se3.inverse(simulation.rig.poses[frames[0]]) @ simulation.rig.poses[frames]
     error = se3.inverse(truth) @ np.array(poses)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam.data.cloud import Array
-from slam.simulation.drives import LANE, RATE, Drive
+from slam.simulation.drives import LANE, Drive
 from slam.simulation.mesh import Mesh
 from slam.simulation.town.roadside import Stock
 from slam.simulation.town.streets import HALF_WIDTH, OUTSKIRTS, Road
@@ -81,9 +81,9 @@ def _queue(drive: Drive, stock: Stock, rng: np.random.Generator) -> list[Mover]:
     for place in places:
         lead = place * (0.4 if drive.jam else rng.uniform(1.3, 2.2))  # seconds
         gap = place * (7.0 if drive.jam else 6.5)
-        frames = np.clip(np.arange(len(drive)) + RATE * lead, 0, len(drive) - 1)
+        frames = np.clip(np.arange(len(drive)) + drive.rate * lead, 0, len(drive) - 1)
         way = np.interp(frames, np.arange(len(drive)), drive.way) + gap
-        beyond = np.arange(len(drive)) + RATE * lead - frames  # frames before the first or after the last
+        beyond = np.arange(len(drive)) + drive.rate * lead - frames  # frames before the first or after the last
         step = np.diff(drive.way)[[0, -1]]
         way += np.where(beyond < 0, step[0], step[1]) * beyond
         movers.append(Mover(_car(stock, rng), way, rng.normal(0, 0.1), False, CAR))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from slam.data.sensor_names import SENSORS
+from slam.simulation.drive_names import DRIVES
 from slam.simulation.simulation import SimulationConfig
 
 Command = Callable[..., Any]
@@ -31,9 +34,14 @@ def test_every_option_reaches_the_simulation(lidarlift: Command, simulated: list
     options = ["--drive", "jam", "--sensor", "vlp16", "--spacing", "0.5", "--distort", "--seed", "3", "--with-depth"]
     assert lidarlift("simulate", "town", *options).code == 0
     assert lidarlift("simulate", "town", "--trajectory", "poses.txt").code == 0
+    mounted = ["--sensor", "os1-128", "--rate", "20", "--height", "1.2", "--tilt", "-90"]
+    assert lidarlift("simulate", "town", *mounted, "--distort", "--format", "folder", "--stamp", "end").code == 0
     assert simulated == [
         SimulationConfig("jam", spacing=0.5, sensor="vlp16", distort=True, seed=3, depth=True),
         SimulationConfig(trajectory=Path("poses.txt")),
+        SimulationConfig(
+            sensor="os1-128", distort=True, rate=20, height=1.2, tilt=-math.pi / 2, format="folder", stamp="end"
+        ),
     ]
 
 
@@ -48,6 +56,8 @@ def test_no_more_frames_than_the_drive_has(lidarlift: Command) -> None:
         ("--drive", "loop", "--trajectory", "poses.txt"),
         ("--drive", "circle"),
         ("--sensor", "vlp32"),
+        ("--format", "rosbag"),
+        ("--stamp", "never"),
         ("--frames", "0"),
     ],
 )
@@ -59,6 +69,17 @@ def test_options_that_make_no_sense(
     assert "Usage" in result.err
     assert options[-2] in result.err
     assert not simulated
+
+
+def test_what_does_not_go_together_is_one_line(lidarlift: Command) -> None:
+    lidarlift("simulate", "town", "--stamp", "end").refused("--stamp end", "add --format folder")
+    assert not Path("town").exists()
+
+
+def test_help_lists_drives_and_lidars(lidarlift: Command) -> None:
+    words = " ".join(lidarlift("simulate", "--help").out.replace("│", " ").split())
+    for name in (*DRIVES.names(), *SENSORS.names()):
+        assert name in words
 
 
 def test_a_trajectory_that_is_not_there(lidarlift: Command) -> None:

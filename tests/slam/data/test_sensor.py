@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slam.data.errors import InputError
-from slam.data.sensor import load_sensor
+from slam.data.sensor import Sensor, load_sensor
 
 
 @pytest.mark.parametrize("name", ["hdl64", "HDL-64E", "hdl64e"])
@@ -49,6 +49,7 @@ def test_a_file_may_name_a_built_in_model(tmp_path: Path) -> None:
         ("beams: [[1, 0], [2, 0]]", "top first"),
         ("beams: [1, 2]", "n x 2"),
         ("beams: [[1, a]]", "n x 2"),
+        ("beams: [[1, 0, 0], [0, 0]]", "n x 2"),
         ("model: vlp16\nvertical_correction_deg: .nan", "finite"),
         ("- a list", "key: value"),
         ("model: [", "not YAML"),
@@ -68,3 +69,39 @@ def test_unknown_names_and_missing_files_are_refused(tmp_path: Path) -> None:
         load_sensor("hdl46")
     with pytest.raises(InputError, match="cannot be read"):
         load_sensor(tmp_path / "none.yaml")
+
+
+def test_the_vlp32c_follows_its_manual() -> None:
+    sensor = load_sensor("VLP-32C")
+    assert np.rad2deg(sensor.elevation[[0, 11, 31]]) == pytest.approx([15, 0, -25])
+    assert -np.diff(np.rad2deg(sensor.elevation))[5:25] == pytest.approx([2 / 3, *[1 / 3] * 17, 2 / 3, 2 / 3], abs=1e-3)
+    assert sorted(set(np.rad2deg(sensor.azimuth).round(3))) == [-4.2, -1.4, 1.4, 4.2]
+
+
+def test_the_vls128_is_dense_near_the_horizon() -> None:
+    sensor = load_sensor("vls128")
+    steps = -np.diff(np.rad2deg(sensor.elevation))
+    assert sensor.ring_count == 128
+    assert np.rad2deg(sensor.elevation[[0, -1]]) == pytest.approx([15, -25])
+    assert steps[12:115] == pytest.approx(np.full(103, 0.11))
+    assert (np.diff(steps[:12]) < 0).all()
+    assert (np.diff(steps[115:]) > 0).all()
+    assert len(set(sensor.azimuth.round(6))) == 8
+    assert np.rad2deg(np.abs(sensor.azimuth).max()) == pytest.approx(6.354)
+
+
+@pytest.mark.parametrize("rings", [64, 128])
+def test_an_os1_is_even_and_staggered(rings: int) -> None:
+    sensor = load_sensor(f"OS1-{rings}")
+    assert np.rad2deg(sensor.elevation) == pytest.approx(np.linspace(22.5, -22.5, rings))
+    assert np.rad2deg(sensor.azimuth[:8]) == pytest.approx([-3.164, -1.055, 1.055, 3.164] * 2)
+
+
+def test_beams_may_be_staggered(tmp_path: Path) -> None:
+    path = tmp_path / "sensor.yaml"
+    path.write_text("beams: [[2, 0.01, 3], [0, 0, -3]]\n")
+    assert np.rad2deg(load_sensor(path).azimuth) == pytest.approx([3, -3])
+    assert np.rad2deg(load_sensor("vlp16").azimuth) == pytest.approx(np.zeros(16))
+    assert np.rad2deg(load_sensor(path).only(np.array([1])).azimuth) == pytest.approx([-3])
+    with pytest.raises(ValueError, match="different lengths"):
+        Sensor("odd", np.zeros(2), np.zeros(2), azimuth=np.zeros(3))

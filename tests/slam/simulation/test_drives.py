@@ -7,7 +7,8 @@ from slam.data import se3
 from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.pose_files import kitti_text, tum_text
-from slam.simulation.drives import DRIVES, built_in, from_file, thinned
+from slam.simulation.drive_names import DRIVES
+from slam.simulation.drives import Drive, at_rate, built_in, from_file, thinned
 
 CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])  # T_camera_lidar
 
@@ -21,7 +22,7 @@ def curve(count: int = 40, step: float = 1.0) -> Array:
     return np.array(poses)
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", DRIVES.names())
 def test_a_built_in_drive_is_driven_as_a_car_drives(name: str) -> None:
     drive = built_in(name)
     speed = np.diff(drive.way) / np.diff(drive.stamps)
@@ -119,3 +120,32 @@ def jump() -> Array:
 def test_a_spacing_that_no_drive_can_have_is_refused(spacing: float) -> None:
     with pytest.raises(InputError, match=r"a spacing of .* m: frames can be up to 10 m apart"):
         built_in("loop", spacing)
+
+
+def test_at_another_rate_a_drive_goes_the_same_way() -> None:
+    slow = built_in("jam")
+    fast = at_rate(slow, 20.0)
+    assert len(fast) == 2 * len(slow) - 1
+    assert fast.rate == 20
+    np.testing.assert_allclose(fast.stamps[::2], slow.stamps, atol=1e-9)
+    np.testing.assert_allclose(fast.position[::2], slow.position, atol=1e-6)
+    np.testing.assert_allclose(fast.yaw[::2], slow.yaw, atol=1e-6)
+    steps = np.diff(fast.way)
+    assert steps[1:].max() < 0.3
+    assert np.abs(np.diff(steps)).max() < 0.02  # m: no jerks between the frames
+    assert len(at_rate(slow, 5.0)) == len(slow) // 2
+
+
+def test_at_another_rate_a_drive_asks_its_path() -> None:
+    def circle(stamps: np.ndarray) -> np.ndarray:
+        poses = np.tile(np.eye(4), (len(stamps), 1, 1))
+        cosine, sine = np.cos(stamps), np.sin(stamps)
+        poses[:, :2, :2] = np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), -1, 0)
+        poses[:, 0, 3], poses[:, 1, 3] = 9 * sine, -9 * cosine
+        return poses
+
+    stamps = np.arange(0, 6.5, 0.5)  # so few that what is between them shows
+    drive = Drive("circle", stamps, circle(stamps)[:, :3, 3], stamps.copy(), path=circle)
+    fast = at_rate(drive, 10.0)
+    np.testing.assert_allclose(np.linalg.norm(fast.position[:, :2], axis=1), 9.0)
+    np.testing.assert_allclose(fast.yaw, fast.stamps, atol=1e-9)

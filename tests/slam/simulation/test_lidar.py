@@ -9,13 +9,15 @@ from slam.data import se3
 from slam.data.beams import nearest_rings, recover_rings, sweep_fraction
 from slam.data.cloud import PointCloud
 from slam.data.distortion import deskew
-from slam.data.sensor import Sensor, load_sensor
-from slam.simulation.lidar import exact_scan, scan
+from slam.data.sensor_names import SENSORS
+from slam.simulation.heads import HEADS, Lidar
+from slam.simulation.lidar import Scan, exact_scan, scan
 from slam.simulation.materials import INDEX, MATERIALS
 from slam.simulation.mesh import Mesh, box, joined, quads
+from slam.simulation.sweep import Sweep
 from slam.simulation.world import StandingWorld, World
 
-HDL64, VLP16 = load_sensor("hdl64"), load_sensor("vlp16")
+HDL64, VLP16 = Lidar.of("hdl64"), Lidar.of("vlp16")
 STILL = np.eye(4)
 MOTION = se3.exp(np.array([0.01, -0.02, 0.15, 1.2, 0.1, -0.05]))
 
@@ -41,9 +43,14 @@ def courtyard(material: str = "plaster") -> World:
 
 
 def noisy(
-    where: World, sensor: Sensor = HDL64, seed: int = 0, motion: np.ndarray = STILL
+    where: World, lidar: Lidar = HDL64, seed: int = 0, motion: np.ndarray = STILL
 ) -> tuple[np.ndarray, np.ndarray]:
-    return scan(where, sensor, np.eye(4), motion, np.random.default_rng(seed))
+    seen = scan(where, lidar, Sweep.steady(np.eye(4), motion), np.random.default_rng(seed))
+    return seen.xyz, seen.reflectance
+
+
+def exact(where: World, lidar: Lidar = HDL64, pose: np.ndarray = STILL, motion: np.ndarray = STILL) -> Scan:
+    return exact_scan(where, lidar, Sweep.steady(pose, motion))
 
 
 def rays_to_the_wall(xyz: np.ndarray, tilt: float = 0.1) -> np.ndarray:
@@ -51,31 +58,35 @@ def rays_to_the_wall(xyz: np.ndarray, tilt: float = 0.1) -> np.ndarray:
     return xyz[(xyz[:, 0] > 0) & (np.hypot(xyz[:, 1], xyz[:, 2]) < tilt * xyz[:, 0])]
 
 
-@pytest.mark.parametrize("sensor", [HDL64, VLP16], ids=["hdl64", "vlp16"])
+@pytest.mark.parametrize("name", HEADS)
 @pytest.mark.parametrize("motion", [STILL, MOTION], ids=["standing", "moving"])
-def test_points_lie_on_the_lines_of_their_lasers_in_file_order(sensor: Sensor, motion: np.ndarray) -> None:
-    xyz, _ = exact_scan(courtyard(), sensor, np.eye(4), motion)
+def test_points_lie_on_the_lines_of_their_lasers_in_file_order(name: str, motion: np.ndarray) -> None:
+    lidar = Lidar.of(name)
+    sensor, seen = lidar.sensor, exact(courtyard(), lidar, motion=motion)
+    xyz = seen.xyz
     ring, count = recover_rings(xyz)
     assert count == sensor.ring_count
+    assert np.array_equal(ring, seen.ring)
     height = np.tan(sensor.elevation[ring]) * np.hypot(xyz[:, 0], xyz[:, 1]) + sensor.offset[ring]
     assert np.abs(xyz[:, 2] - height).max() < 1e-4
     azimuth = np.arctan2(xyz[:, 1], xyz[:, 0]) % (2 * np.pi)
     assert (np.diff(azimuth)[np.diff(ring) == 0] > 0).all()
 
 
-@pytest.mark.parametrize("sensor", [HDL64, VLP16], ids=["hdl64", "vlp16"])
-def test_noise_leaves_the_rings_as_they_are(sensor: Sensor) -> None:
+@pytest.mark.parametrize("name", HEADS)
+def test_noise_leaves_the_rings_as_they_are(name: str) -> None:
+    lidar = Lidar.of(name)
     for seed in range(3):
-        xyz, _ = noisy(courtyard(), sensor, seed, MOTION)
+        xyz, _ = noisy(courtyard(), lidar, seed, MOTION)
         ring, count = recover_rings(xyz)
-        assert count == sensor.ring_count
+        assert count == lidar.sensor.ring_count
         far = np.hypot(xyz[:, 0], xyz[:, 1]) > 6
-        assert np.array_equal(nearest_rings(xyz[far], sensor), ring[far])
+        assert np.array_equal(nearest_rings(xyz[far], lidar.sensor), ring[far])
 
 
 def test_deskewing_undoes_the_motion() -> None:
     pose = se3.exp(np.array([0.02, 0.01, 0.7, 2.0, -1.0, 0.3]))
-    xyz, _ = exact_scan(courtyard(), HDL64, pose, MOTION)
+    xyz = exact(courtyard(), HDL64, pose, MOTION).xyz
     cloud = PointCloud(xyz, np.zeros(len(xyz)), time=sweep_fraction(xyz))
     assert _off_the_courtyard(deskew(cloud, MOTION).xyz, pose).max() < 2e-3
     assert np.percentile(_off_the_courtyard(xyz, pose), 90) > 0.1  # and it was bent before
@@ -90,7 +101,7 @@ def _off_the_courtyard(xyz: np.ndarray, pose: np.ndarray) -> np.ndarray:
 
 def test_what_is_ahead_is_seen_at_mid_sweep_and_what_is_left_of_it_before() -> None:
     forward = se3.exp(np.array([0, 0, 0, 1.2, 0, 0]))
-    xyz, _ = exact_scan(world(wall(15, "plaster")), HDL64, np.eye(4), forward)
+    xyz = exact(world(wall(15, "plaster")), motion=forward).xyz
     azimuth = np.rad2deg(np.arctan2(xyz[:, 1], xyz[:, 0]))
     for at, distance in ((0, 15.0), (45, 15.15), (-45, 14.85)):  # an eighth of a turn: an eighth of the way
         assert xyz[np.abs(azimuth - at) < 0.5, 0] == pytest.approx(distance, abs=0.003)
@@ -98,7 +109,7 @@ def test_what_is_ahead_is_seen_at_mid_sweep_and_what_is_left_of_it_before() -> N
 
 def test_a_wall_is_as_thick_as_the_ranges_are_wrong() -> None:
     flat = rays_to_the_wall(noisy(world(wall(12, "plaster")))[0])
-    ring = nearest_rings(flat, HDL64)
+    ring = nearest_rings(flat, HDL64.sensor)
     assert flat[:, 0].std() == pytest.approx(0.02, abs=0.006)
     within = [flat[ring == k, 0].std() for k in np.unique(ring)]
     assert np.median(within) < 0.012  # most of it is from laser to laser
@@ -121,8 +132,7 @@ def test_asphalt_is_seen_as_far_as_on_kitti() -> None:
 
 def _share_seen(where: World, nearest: float, farthest: float) -> float:
     """Of the pulses that meet something at those ranges in the quarter ahead."""
-    exact = exact_scan(where, HDL64, np.eye(4), STILL)
-    seen, there = (_ahead_at(xyz, nearest, farthest).sum() for xyz, _ in (noisy(where), exact))
+    seen, there = (_ahead_at(xyz, nearest, farthest).sum() for xyz in (noisy(where)[0], exact(where).xyz))
     return float(seen / there)
 
 
@@ -134,7 +144,7 @@ def _ahead_at(xyz: np.ndarray, nearest: float, farthest: float) -> np.ndarray:
 
 def test_facades_are_seen_at_any_range() -> None:
     flat = world(wall(76, "plaster"))
-    seen, there = noisy(flat)[0], exact_scan(flat, HDL64, np.eye(4), STILL)[0]
+    seen, there = noisy(flat)[0], exact(flat).xyz
     assert len(rays_to_the_wall(seen)) > 0.95 * len(rays_to_the_wall(there))
 
 
@@ -154,7 +164,7 @@ def test_mixed_pixels_hang_between_the_surfaces_at_an_edge() -> None:
     front = quads([[[10, 0, -9], [10, 30, -9], [10, 30, 9], [10, 0, 9]]], "plaster")  # over the left half of the view
     x = rays_to_the_wall(noisy(world(front, wall(12, "plaster")))[0], 0.2)
     hanging = (x[:, 0] > 10.15) & (x[:, 0] < 11.85)
-    assert 3 < hanging.sum() < HDL64.ring_count  # at most one a ring, and not in all
+    assert 3 < hanging.sum() < HDL64.sensor.ring_count  # at most one a ring, and not in all
     assert (np.abs(x[hanging, 1]) < 0.08).all()  # within a column or two of the edge
     assert x[:, 0].min() > 9.85
     assert x[:, 0].max() < 12.15
@@ -189,16 +199,50 @@ def test_the_car_hides_what_is_behind_its_roof_and_no_ring_wholly() -> None:
 
 def test_a_seed_gives_the_same_bytes_and_draws_as_often_whatever_is_seen() -> None:
     one, other = np.random.default_rng(3), np.random.default_rng(3)
-    first = scan(courtyard(), HDL64, np.eye(4), MOTION, one)
-    again = scan(courtyard(), HDL64, np.eye(4), MOTION, other)
-    assert [values.tobytes() for values in first] == [values.tobytes() for values in again]
-    scan(courtyard(), HDL64, np.eye(4), STILL, one)
-    scan(world(wall(60, "tyre")), HDL64, np.eye(4), STILL, other)
+    moving, standing = Sweep.steady(np.eye(4), MOTION), Sweep.steady(np.eye(4), STILL)
+    first, again = (scan(courtyard(), HDL64, moving, rng) for rng in (one, other))
+    assert [first.xyz.tobytes(), first.reflectance.tobytes()] == [again.xyz.tobytes(), again.reflectance.tobytes()]
+    scan(courtyard(), HDL64, standing, one)
+    scan(world(wall(60, "tyre")), HDL64, standing, other)
     assert one.random() == other.random()
-    assert noisy(courtyard(), seed=4)[0].tobytes() != first[0].tobytes()
+    assert noisy(courtyard(), seed=4)[0].tobytes() != first.xyz.tobytes()
 
 
 def test_a_scan_of_the_sky_is_empty() -> None:
     xyz, reflectance = noisy(world(wall(500, "plaster")))
     assert xyz.shape == (0, 3)
     assert reflectance.shape == (0,)
+
+
+@pytest.mark.parametrize("name", HEADS)
+def test_lasers_look_aside_of_where_the_head_points(name: str) -> None:
+    lidar = Lidar.of(name)
+    seen = exact(courtyard(), lidar, motion=MOTION)
+    head = (0.5 - seen.fraction) * 2 * np.pi
+    aside = np.arctan2(seen.xyz[:, 1], seen.xyz[:, 0]) - head - lidar.sensor.azimuth[seen.ring]
+    assert np.abs((aside + np.pi) % (2 * np.pi) - np.pi).max() < 1e-4
+    assert seen.fraction.min() >= 0
+    assert seen.fraction.max() <= 1
+
+
+@pytest.mark.parametrize(
+    ("name", "rate", "columns"),
+    [("vlp16", 10, 1800), ("vlp16", 20, 900), ("vlp32c", 5, 3600), ("os1-64", 10, 1024), ("os1-128", 20, 1024)],
+)
+def test_columns_of_a_turn_as_the_real_ones_have(name: str, rate: float, columns: int) -> None:
+    seen = exact(courtyard(), Lidar.of(name, rate))
+    assert set(np.bincount(seen.ring)) == {columns}
+
+
+def test_an_os1_fires_all_lasers_at_once_and_a_velodyne_one_after_the_other() -> None:
+    for name, together in (("os1-64", True), ("vlp32c", False)):
+        lidar = Lidar.of(name)
+        seen = exact(courtyard(), lidar)
+        within = (seen.fraction * lidar.columns) % 1  # of a column; the same for a laser in all columns
+        of_a_laser = np.array([np.angle(np.exp(2j * np.pi * within[seen.ring == ring]).mean()) for ring in range(32)])
+        spread = np.abs(np.exp(1j * of_a_laser).mean())
+        assert (spread > 0.8) == together
+
+
+def test_every_built_in_sensor_has_a_head() -> None:
+    assert list(HEADS) == SENSORS.names()

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from slam.data.cloud import Array
-from slam.simulation.drives import DRIVES, Drive, built_in, from_file
+from slam.simulation.drive_names import DRIVES
+from slam.simulation.drives import Drive, built_in, from_file
 from slam.simulation.mesh import joined
 from slam.simulation.town.scene import TownScene
 from slam.simulation.town.streets import Road
@@ -15,7 +16,7 @@ from slam.simulation.world import StandingWorld, World
 STRAIGHT_UP = np.array([0.0, 0.0, 1.0])
 
 
-@pytest.fixture(scope="module", params=DRIVES)
+@pytest.fixture(scope="module", params=DRIVES.names())
 def grown(request: pytest.FixtureRequest) -> tuple[Drive, Town]:
     drive = built_in(request.param)
     return drive, town_of(drive, 5)

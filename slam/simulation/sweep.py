@@ -1,0 +1,66 @@
+"""How a LiDAR moves while it turns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slam.data import se3
+from slam.data.cloud import Array, PointCloud
+from slam.data.distortion import deskew
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """A turn in S parts of equal duration, in each of which the velocity is constant.
+
+    pose    (S, 4, 4) T_world_lidar in the middle of each part
+    motion  (S, 4, 4) T_start_end of each part
+    """
+
+    pose: Array
+    motion: Array
+
+    @staticmethod
+    def steady(pose: Array, motion: Array) -> Sweep:
+        """At one velocity: `pose` (4, 4) at mid-sweep, and T_start_end of the sweep (4, 4), identity at a stand."""
+        return Sweep(pose[None], motion[None])
+
+    @staticmethod
+    def along(poses: Array) -> Sweep:
+        """Through S + 1 poses at equal intervals, from the start of the sweep to its end."""
+        motion = se3.inverse(poses[:-1]) @ poses[1:]
+        middle = [start @ se3.scale(step, 0.5) for start, step in zip(poses[:-1], motion, strict=True)]
+        return Sweep(np.array(middle), motion)
+
+    def at(self, fraction: float) -> Array:
+        """T_world_lidar (4, 4) at a fraction 0..1 of the sweep."""
+        part = min(int(fraction * len(self.pose)), len(self.pose) - 1)
+        return np.asarray(self.pose[part] @ se3.scale(self.motion[part], fraction * len(self.pose) - part - 0.5))
+
+    def in_world(self, origin: Array, direction: Array, fraction: Array) -> tuple[Array, Array]:
+        """Rays (N, 3) float32 in the frames that the LiDAR has at fractions (N,) float32 of the sweep, in the world."""
+        parts = len(self.pose)
+        if parts == 1:
+            return _placed(origin, direction, fraction, self.pose[0], self.motion[0])
+        part = np.minimum((fraction * parts).astype(np.int64), parts - 1)
+        start, way = np.empty(origin.shape), np.empty_like(direction)
+        for index in range(parts):
+            at = np.flatnonzero(part == index)
+            within = fraction[at] * np.float32(parts) - np.float32(index)
+            moved = _placed(origin[at], direction[at], within, self.pose[index], self.motion[index])
+            start[at], way[at] = moved
+        return start, way
+
+
+def _placed(origin: Array, direction: Array, fraction: Array, pose: Array, motion: Array) -> tuple[Array, Array]:
+    both = PointCloud(
+        np.concatenate([origin, origin + direction]), np.zeros(2 * len(origin)), time=np.tile(fraction, 2)
+    )
+    start, tip = np.split(deskew(both, motion).xyz, 2)
+    rotation = pose[:3, :3].astype(np.float32)
+    start, way = (
+        np.einsum("ij,kj->ik", v, rotation) for v in (start, tip - start)
+    )  # `@` waits long for BLAS's threads
+    return start + pose[:3, 3], way
