@@ -9,6 +9,9 @@ import numpy as np
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.data.distortion import deskew
+from slam.simulation.kernels import turned
+
+STILL = np.eye(4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +58,9 @@ class Sweep:
 
 
 def _placed(origin: Array, direction: Array, fraction: Array, pose: Array, motion: Array) -> tuple[Array, Array]:
-    both = PointCloud(
-        np.concatenate([origin, origin + direction]), np.zeros(2 * len(origin)), time=np.tile(fraction, 2)
-    )
-    start, tip = np.split(deskew(both, motion).xyz, 2)
+    start, tip = origin, origin + direction
+    if not np.array_equal(motion, STILL):
+        both = PointCloud(np.concatenate([start, tip]), np.zeros(2 * len(start)), time=np.tile(fraction, 2))
+        start, tip = np.split(deskew(both, motion).xyz, 2)
     rotation = pose[:3, :3].astype(np.float32)
-    start, way = (
-        np.einsum("ij,kj->ik", v, rotation) for v in (start, tip - start)
-    )  # `@` waits long for BLAS's threads
-    return start + pose[:3, 3], way
+    return turned(start, rotation) + pose[:3, 3], turned(tip - start, rotation)
