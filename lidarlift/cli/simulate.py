@@ -18,6 +18,7 @@ class Drive(StrEnum):
     STRAIGHT = "straight"
     TUNNEL = "tunnel"
     JAM = "jam"
+    BUILDING = "building"
 
 
 class Sensor(StrEnum):

@@ -35,6 +35,7 @@ class Drive:
     scene     what it leads through, one of SCENES
     path      T_world_sensor (K, 4, 4) at stamps (K,), where it is known between the frames too (a sensor carried by
               hand); None: a constant velocity from frame to frame
+    height    of the sensor above the ground [m], None: a car's
     """
 
     name: str
@@ -45,6 +46,7 @@ class Drive:
     jam: bool = False
     scene: str = "town"
     path: Callable[[Array], Array] | None = None
+    height: float | None = None
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -85,8 +87,23 @@ def jam(spacing: float | None = None) -> Drive:
     return _along("jam", _lane(np.array([(0.0, 0.0), (120.0, 0.0)])), stamps, way, spacing, jam=True)
 
 
+def building(spacing: float | None = None) -> Drive:
+    """A minute and a half on foot through two floors, the LiDAR in the hand."""
+    from slam.simulation.indoors import walk  # it needs Drive
+
+    if spacing is not None:
+        raise InputError("building: a walk has no spacing, for steps and turns take their time; leave --spacing out")
+    return walk.building()
+
+
 #: The built-in drives by name.
-DRIVES: dict[str, Callable[[float | None], Drive]] = {"loop": loop, "straight": straight, "tunnel": tunnel, "jam": jam}
+DRIVES: dict[str, Callable[[float | None], Drive]] = {
+    "loop": loop,
+    "straight": straight,
+    "tunnel": tunnel,
+    "jam": jam,
+    "building": building,
+}
 
 
 def thinned(drive: Drive, every: int) -> Drive:

@@ -10,7 +10,7 @@ from slam.data import se3
 from slam.data.cloud import Array
 from slam.data.kitti import rectified_camera
 from slam.data.sensor import Sensor, load_sensor
-from slam.simulation.camera import CAMERA, Look, render
+from slam.simulation.camera import CAMERA, render
 from slam.simulation.drives import Drive
 from slam.simulation.lidar import exact_scan, scan
 from slam.simulation.scene import SCENES
@@ -60,9 +60,9 @@ class Rig:
         self._distort, self._truth, self._camera = distort, truth, camera
         rng = np.random.default_rng([seed, 0])
         self.scene = SCENES.load(drive.scene)(drive, seed, rng)
-        self.poses = self.scene.poses(LIDAR_HEIGHT)
+        self.poses = self.scene.poses(LIDAR_HEIGHT if drive.height is None else drive.height)
         self.calibration = rectified_camera(np.vstack([CAMERA.P2, [0, 0, 0, 1]]), TR)
-        self._look = Look.of(rng)
+        self._look = self.scene.look(rng)
         self._block: tuple[int, StandingWorld] | None = None
 
     def frame(self, index: int) -> SimulatedFrame:
