@@ -121,10 +121,10 @@ def _stairs(one: Furnisher) -> None:
     if one.room.floor:
         one.lamps(make.panel_lamp, 4.0)
         return
-    one.hang(make.picture, 0, FOOT + 0.9, 0.9)
-    one.hang(make.picture, 0, HEAD + 0.8, landing)
-    one.hang(make.picture, 2, HEAD + 0.6, landing)
-    one.hang(make.picture, 2, FOOT + 1.0, 2.3)
+    one.hang(make.picture, 0, FOOT + 0.9, 0.6)
+    one.hang(make.picture, 0, HEAD + 0.8, landing - 0.25)
+    one.hang(make.picture, 2, HEAD + 0.6, landing - 0.25)
+    one.hang(make.picture, 2, FOOT + 1.0, 2.0)
 
 
 def _corridor(one: Furnisher) -> None:

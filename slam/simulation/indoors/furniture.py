@@ -174,11 +174,11 @@ def plant(rng: np.random.Generator) -> Mesh:
 def picture(rng: np.random.Generator) -> Mesh:
     """Or a poster or a notice board: on a wall, at eye level."""
     width, height = rng.uniform(0.4, 1.2), rng.uniform(0.4, 0.9)
-    frame = box((width, 0.02, height), "wood", pick(rng, [*WOODS, DARK])).placed(0, -0.01, 1.65 - height / 2)
+    frame = box((width, 0.02, height), "wood", pick(rng, [*WOODS, DARK])).placed(0, -0.01, 1.55 - height / 2)
     parts, rows = [frame], int(rng.integers(2, 5))
     columns = int(rng.integers(2, 6))
     wide, tall = (width - 0.06) / columns, (height - 0.06) / rows
-    low = 1.65 - height / 2 + 0.03
+    low = 1.55 - height / 2 + 0.03
     for row in range(rows):
         for column in range(columns):
             field = box((0.96 * wide, 0.004, 0.96 * tall), "paper", shade(rng, [*BOOKS, *FABRICS]))

@@ -54,7 +54,7 @@ class BuildingScene:
             horizon=white,
             haze=0.0,
             cover=0.0,
-            exposure=1.1,
+            exposure=1.25,
             seed=0,
             ground=(0.55, 0.54, 0.51),
             reach=2.5,

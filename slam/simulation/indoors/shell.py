@@ -174,7 +174,7 @@ def _door(opening: Opening, rng: np.random.Generator) -> list[Mesh]:
 def _leaf(opening: Opening, colour: Colour) -> Mesh:
     """Closed, with a handle on either side, its hinge at the origin."""
     width = opening.width
-    parts = [box((width - 0.02, 0.04, opening.height - 0.02), "wood", colour).placed(width / 2, 0, 0.01)]
+    parts = [box((width - 0.02, 0.04, opening.height - 0.02), "laminate", colour).placed(width / 2, 0, 0.01)]
     for face in (-1, 1):
         parts.append(box((0.13, 0.02, 0.02), "metal", STEEL).placed(width - 0.14, face * 0.06, 1.04))
         parts.append(box((0.04, 0.012, 0.2), "metal", STEEL).placed(width - 0.09, face * 0.024, 0.94))
