@@ -106,10 +106,10 @@ CORRIDOR_DOORS: list[tuple[int, float, list[tuple[float, float]]]] = [
 
 def _doors() -> list[Opening]:
     """They open into the rooms."""
-    found = [
+    corridors = [
         _hung(1, line, x, floor, leaf, 1 if line else -1) for floor, line, row in CORRIDOR_DOORS for x, leaf in row
     ]
-    return [*found, _hung(0, 6.0, -3.0, 0, 1.4, 1), _hung(0, 18.5, -3.0, 1, OPEN, -1)]
+    return [*corridors, _hung(0, 6.0, -3.0, 0, 1.4, 1), _hung(0, 18.5, -3.0, 1, OPEN, -1)]
 
 
 def _hung(across: int, line: float, at: float, floor: int, leaf: float, side: int) -> Opening:
