@@ -37,7 +37,7 @@ class Furnisher:
         return joined(self._things).placed(0, 0, self.room.floor * STOREY)
 
     def at_wall(self, thing: Make, count: int = 1, windows: bool = False, sides: Sequence[int] = (0, 1, 2, 3)) -> None:
-        """So many, at walls (east, north, west, south), those with windows too for what is low."""
+        """So many, at walls (east 0, north 1, west 2, south 3), those with windows too for what is low."""
         outer = 3 if self.room.y == SOUTH else 1
         allowed = [side for side in sides if windows or self.room.kind == "corridor" or side != outer]
         for _ in range(count):
@@ -49,13 +49,13 @@ class Furnisher:
                 if self._put(self._against(mesh, side, along)):
                     break
 
-    def on_grid(self, thing: Make, step: tuple[float, float], turn: bool = False) -> None:
+    def on_grid(self, thing: Make, step: tuple[float, float]) -> None:
         """As many as fit in rows, a walking space away from the walls."""
         low, high = self._low + 0.5, self._high - 0.5
         counts = np.maximum(((high - low) / step).astype(int), 1)
         for x in low[0] + (np.arange(counts[0]) + 0.5) * (high - low)[0] / counts[0]:
             for y in low[1] + (np.arange(counts[1]) + 0.5) * (high - low)[1] / counts[1]:
-                self._put(thing(self._rng).placed(x, y, 0, np.pi / 2 * turn + self._rng.normal(0, 0.03)))
+                self._put(thing(self._rng).placed(x, y, 0, self._rng.normal(0, 0.03)))
 
     def free(self, thing: Make, count: int = 1) -> None:
         """So many anywhere on the floor."""
