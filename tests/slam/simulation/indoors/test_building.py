@@ -114,11 +114,9 @@ def test_the_same_seed_builds_the_same_and_another_furnishes_otherwise() -> None
 def test_scans_far_apart_see_the_same_wall_at_the_same_place() -> None:
     drive = built_in("building")
     rig = Rig(drive, load_sensor("vlp16"), 0, camera=False)
-    there = drive.position[:, 0] > 10
-    first, last = np.flatnonzero(~there & (np.arange(len(drive)) < 300))[0], len(drive) - 1
     ends = []
-    for frame in (first, last):
-        xyz = rig.frame(int(frame)).scan[:, :3]
+    for frame in (0, len(drive) - 1):  # in the office, before the walk and after it
+        xyz = rig.frame(frame).scan[:, :3]
         world = xyz @ rig.poses[frame, :3, :3].T + rig.poses[frame, :3, 3]
         wall = (np.abs(world[:, 0] - 6.0 + HALF) < 0.1) & (world[:, 1] < -3.6) & (np.abs(world[:, 2] - 2.3) < 0.4)
         assert wall.sum() > 50
