@@ -52,6 +52,8 @@ class Look:
     cover     share of the sky behind clouds, 0..1
     exposure  of the camera
     seed      of the clouds
+    ground    share of the light that comes back from below
+    reach     metres: what is farther off hides no light; indoors, where light comes from everywhere, a few
     """
 
     sun: tuple[float, float, float]
@@ -62,6 +64,8 @@ class Look:
     cover: float
     exposure: float
     seed: int
+    ground: RGB = (0.17, 0.16, 0.14)
+    reach: float = np.inf
 
     @staticmethod
     def of(rng: Generator) -> Look:
@@ -109,7 +113,7 @@ def render(world: World, T_world_camera: Array, look: Look, rng: Generator) -> t
     light = shading.shade(
         *seen, CAMERA.width, CAMERA.P2[0, 0],
         world.colour, world.material, _linear(), _PATTERN, _CONTRAST, _GLOSS,
-        _sunlit(world, seen, look), _mirrored(world, seen), *_open_sky(world, seen), _SKY_STEP,
+        _sunlit(world, seen, look), _mirrored(world, seen), *_open_sky(world, seen, look.reach), _SKY_STEP,
         _air(look), look.haze, look.cover, look.seed,
     )  # fmt: skip
     depth = np.where(hits.triangle >= 0, hits.reach, np.float32(0))
@@ -146,9 +150,9 @@ def _tone_curve() -> Array:
 
 
 def _air(look: Look) -> Array:
-    """(5, 3) for the kernels: sun, sunlight, zenith, horizon, and what a grey-brown ground gives back of them."""
+    """(5, 3) for the kernels: sun, sunlight, zenith, horizon, and what the ground gives back of them."""
     sky = 0.5 * (np.array(look.zenith) + look.horizon)
-    ground = np.array([0.17, 0.16, 0.14]) * (sky + look.sun[2] * np.array(look.sunlight))
+    ground = np.array(look.ground) * (sky + look.sun[2] * np.array(look.sunlight))
     return np.array([look.sun, look.sunlight, look.zenith, look.horizon, ground])
 
 
@@ -174,9 +178,9 @@ def _mirrored(world: World, seen: Seen) -> Array:
     return mirrored
 
 
-def _open_sky(world: World, seen: Seen) -> tuple[Array, Array]:
-    """Share of the hemisphere above the surface from where light comes in unhindered, at every `_SKY_STEP`-th pixel
-    both ways, and where it may be interpolated (see `shading.smooth_cells`).
+def _open_sky(world: World, seen: Seen, farthest: float) -> tuple[Array, Array]:
+    """Share of the hemisphere above the surface from where light comes in: nothing is nearer than `farthest` [m]
+    there. At every `_SKY_STEP`-th pixel both ways, and where it may be interpolated (see `shading.smooth_cells`).
 
     It darkens corners, narrow streets and the ground below cars.
     """
@@ -184,7 +188,9 @@ def _open_sky(world: World, seen: Seen) -> tuple[Array, Array]:
     cells, start, direction = kernels.sky_rays(*seen, CAMERA.width, _SKY_STEP)
     openness = np.zeros(rows * columns, np.float32)
     if len(cells):
-        openness += np.bincount(cells, ~world.hidden(start, direction), rows * columns) / 4
+        endless = np.isinf(farthest)
+        hidden = world.hidden(start, direction) if endless else world.cast(start, direction).reach < farthest
+        openness += np.bincount(cells, ~hidden, rows * columns) / 4
     _, reach, triangle, normal, _ = seen
     return shading.smooth_cells(openness.reshape(rows, columns), reach, triangle, normal, CAMERA.width, _SKY_STEP)
 

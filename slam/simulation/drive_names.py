@@ -17,5 +17,6 @@ DRIVES: Registry[Drive] = Registry(
         "straight": "slam.simulation.drives:straight",
         "tunnel": "slam.simulation.drives:tunnel",
         "jam": "slam.simulation.drives:jam",
+        "building": "slam.simulation.indoors.walk:building",
     },
 )

@@ -23,7 +23,7 @@ class Pattern(IntEnum):
 class Material(NamedTuple):
     """One kind of surface.
 
-    name          as used by the parts of the town
+    name          as used by the parts of a scene
     colour        albedo, RGB 0..255, where a part does not say another
     reflectance   of a LiDAR's pulse at normal incidence, 0..1, as KITTI's fourth column has it
     retroreflect  share of the reflectance that comes back at any incidence (signs, plates, road paint)
@@ -62,6 +62,17 @@ MATERIALS = (
     Material("car_paint", (150, 155, 160), 0.30, lost=0.05, gloss=0.22, pattern=Pattern.PLAIN),
     Material("tyre", (32, 32, 34), 0.10, lost=0.15, contrast=0.2),
     Material("plate", (225, 225, 220), 0.90, retroreflect=0.9, pattern=Pattern.PLAIN),
+    Material("parquet", (150, 112, 74), 0.36, pattern=Pattern.TILES, contrast=0.3),
+    Material("carpet", (92, 98, 112), 0.30, lost=0.01, pattern=Pattern.BLOTCHES, contrast=0.3),
+    Material("linoleum", (150, 146, 132), 0.33, pattern=Pattern.BLOTCHES, contrast=0.18),
+    Material("wallpaper", (206, 196, 176), 0.42, pattern=Pattern.BLOTCHES, contrast=0.14),
+    Material("ceiling", (226, 226, 222), 0.60, pattern=Pattern.TILES, contrast=0.1),
+    Material("laminate", (222, 220, 212), 0.45, contrast=0.08),
+    Material("fabric", (96, 92, 92), 0.32, lost=0.01, contrast=0.3),
+    Material("paper", (220, 216, 206), 0.55, contrast=0.25),
+    Material("screen", (20, 22, 26), 0.06, lost=0.3, gloss=0.3, pattern=Pattern.PLAIN),
+    Material("pane", (236, 243, 250), 0.12, lost=0.5, pattern=Pattern.BLOTCHES, contrast=0.1),  # seen against daylight
+    Material("lamp", (255, 255, 250), 0.50, pattern=Pattern.PLAIN),
 )
 
 #: Index of a material by its name.

@@ -9,7 +9,7 @@ import numpy as np
 from slam.data import se3
 from slam.data.cloud import Array
 from slam.data.kitti import rectified_camera
-from slam.simulation.camera import CAMERA, Look, render
+from slam.simulation.camera import CAMERA, render
 from slam.simulation.drives import Drive
 from slam.simulation.heads import Lidar
 from slam.simulation.lidar import Scan, exact_scan, scan
@@ -78,7 +78,7 @@ class Rig:
         self.T_camera0_lidar = TR @ T_level_lidar
         self.poses = self.scene.poses(height) @ T_level_lidar
         self.calibration = rectified_camera(np.vstack([CAMERA.P2, [0, 0, 0, 1]]), self.T_camera0_lidar)
-        self._look = Look.of(rng)
+        self._look = self.scene.look(rng)
         self._block: tuple[int, StandingWorld] | None = None
 
     def frame(self, index: int) -> SimulatedFrame:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+
 from slam.data.cloud import Array
 from slam.data.registry import Registry
+from slam.simulation.camera import Look
 from slam.simulation.mesh import Mesh
 
 
@@ -14,6 +17,10 @@ class Scene(Protocol):
 
     def poses(self, height: float) -> Array:
         """(N, 4, 4) T_world_lidar at mid-sweep, of a LiDAR that far [m] above the ground, its x axis ahead."""
+        ...
+
+    def look(self, rng: np.random.Generator) -> Look:
+        """In which light a camera sees it."""
         ...
 
     def around(self, place: Array, radius: float) -> Mesh:
@@ -26,4 +33,7 @@ class Scene(Protocol):
 
 
 #: By the names that `Drive.scene` has.
-SCENES: Registry[Scene] = Registry("scene", {"town": "slam.simulation.town.scene:TownScene"})
+SCENES: Registry[Scene] = Registry(
+    "scene",
+    {"town": "slam.simulation.town.scene:TownScene", "building": "slam.simulation.indoors.scene:BuildingScene"},
+)

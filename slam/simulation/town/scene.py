@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from slam.data.cloud import Array
+from slam.simulation.camera import Look
 from slam.simulation.drives import Drive
 from slam.simulation.mesh import Mesh
 from slam.simulation.terrain import Terrain, sway
@@ -34,6 +35,10 @@ class TownScene:
     def poses(self, height: float) -> Array:
         """(N, 4, 4) T_world_lidar."""
         return self.terrain.poses(self._drive.position, self._drive.yaw, height, self._sway)
+
+    def look(self, rng: np.random.Generator) -> Look:
+        """A time of day and its weather."""
+        return Look.of(rng)
 
     def around(self, place: Array, radius: float) -> Mesh:
         """The parts of the town that come within `radius` of a place."""

@@ -1,0 +1,1 @@
+"""A building of two floors to walk through."""
