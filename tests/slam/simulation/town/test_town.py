@@ -4,25 +4,25 @@ import numpy as np
 import pytest
 
 from slam.data.cloud import Array
+from slam.simulation.course import Road
 from slam.simulation.drives import DRIVES, Drive, built_in, from_file
 from slam.simulation.mesh import joined
 from slam.simulation.town.scene import TownScene
-from slam.simulation.town.streets import Road
 from slam.simulation.town.town import Town
-from slam.simulation.town.traffic import Traffic
+from slam.simulation.town.traffic import TownTraffic
 from slam.simulation.world import StandingWorld, World
 
 STRAIGHT_UP = np.array([0.0, 0.0, 1.0])
 
 
-@pytest.fixture(scope="module", params=DRIVES)
+@pytest.fixture(scope="module", params=[name for name in DRIVES if built_in(name).scene == "town"])
 def grown(request: pytest.FixtureRequest) -> tuple[Drive, Town]:
     drive = built_in(request.param)
     return drive, town_of(drive, 5)
 
 
 def town_of(drive: Drive, seed: int) -> Town:
-    return TownScene(drive, seed, np.random.default_rng([seed, 0])).town
+    return TownScene(drive, seed, np.random.default_rng([seed, 0])).standing
 
 
 def swept(drive: Drive, town: Town) -> tuple[Array, Array]:
@@ -83,7 +83,7 @@ def test_in_the_tunnel_every_direction_but_the_way_ends_at_its_wall() -> None:
 
 def test_traffic_keeps_its_distance(grown: tuple[Drive, Town]) -> None:
     drive, town = grown
-    traffic = Traffic(drive, town, np.random.default_rng(1))
+    traffic = TownTraffic.of(drive, town, np.random.default_rng(1))
     assert len(traffic) > 0
     seen = 0
     for frame in range(0, len(drive), 12):
