@@ -99,9 +99,9 @@ def jam(spacing: float | None = None) -> Drive:
 
 
 def crawl(spacing: float | None = None) -> Drive:
-    """Half a minute of crawling traffic, 20 m of the way: 0.02 to 0.2 m a frame, and four stops."""
+    """Half a minute of crawling traffic, 20 m of the way: 0.02 to 0.2 m a frame, and three stops."""
     stamps = np.arange(320) / RATE
-    speed = np.clip(0.55 + 0.95 * np.sin(0.75 * stamps + 0.5) + 0.5 * np.sin(0.31 * stamps), 0.0, 2.0)
+    speed = np.clip(0.6 + 1.15 * np.sin(0.55 * stamps + 0.4) + 0.25 * np.sin(1.3 * stamps), 0.0, 1.95)
     path = _lane(np.array([(0.0, 0.0), (120.0, 0.0)]))
     return _along("crawl", path, stamps, _way(speed), spacing, jam=True)
 
@@ -119,19 +119,21 @@ def motorway(spacing: float | None = None) -> Drive:
 def bridge(spacing: float | None = None) -> Drive:
     """300 m of a straight bridge at 10 to 15 m/s, nothing else within a LiDAR's reach.
 
-    All that stands repeats every 30 m, the length of a span: two lamps. The posts of the railings, every 2 m, repeat
+    All that stands repeats every 36 m, the length of a span: two lamps. The posts of the railings, every 2 m, repeat
     within it: steps of a frame, 1.0 to 1.5 m, can be taken for 2 m more or less where the lamps are not seen.
     """
     stamps = np.arange(240) / RATE
     speed = 12.5 + 2.3 * np.sin(0.5 * stamps)
     path = _bending(np.zeros(1600))
-    return _along("bridge", path, stamps, _way(speed), spacing, scene="bridge", period=30.0)
+    return _along("bridge", path, stamps, _way(speed), spacing, scene="bridge", period=36.0)
 
 
 def lorries(spacing: float | None = None) -> Drive:
     """135 m of a street at 8 m/s, past a row of parked lorries whose sides are 3.7 m beside the car, between houses."""
     stamps = np.arange(170) / RATE
-    return _along("lorries", _bending(np.zeros(800)), stamps, _way(8.0 + 0.4 * np.sin(stamps)), spacing, scene="lorries")
+    return _along(
+        "lorries", _bending(np.zeros(800)), stamps, _way(8.0 + 0.4 * np.sin(stamps)), spacing, scene="lorries"
+    )
 
 
 def traffic(spacing: float | None = None) -> Drive:

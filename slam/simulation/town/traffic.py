@@ -23,7 +23,9 @@ class TownTraffic(Traffic):
     def of(drive: Drive, town: Town, rng: np.random.Generator) -> TownTraffic:
         """The traffic of a town."""
         course = Course.of(drive, town.terrain, OUTSKIRTS)
-        return TownTraffic(drive, course, [m for some in (_queue, _oncoming, _walkers) for m in some(drive, town.stock, rng)])
+        return TownTraffic(
+            drive, course, [m for some in (_queue, _oncoming, _walkers) for m in some(drive, town.stock, rng)]
+        )
 
     def free(self, mover: Mover, places: Array) -> bool:
         """Whether it keeps its distance from all others, for the way may cross itself."""
