@@ -101,7 +101,7 @@ def jam(spacing: float | None = None) -> Drive:
 def crawl(spacing: float | None = None) -> Drive:
     """Half a minute of crawling traffic, 20 m of the way: 0.02 to 0.2 m a frame, and three stops."""
     stamps = np.arange(320) / RATE
-    speed = np.clip(0.6 + 1.15 * np.sin(0.55 * stamps + 0.4) + 0.25 * np.sin(1.3 * stamps), 0.0, 1.95)
+    speed = np.clip(0.55 + 1.25 * np.sin(0.55 * stamps + 0.4) + 0.1 * np.sin(1.3 * stamps), 0.0, 1.95)
     path = _lane(np.array([(0.0, 0.0), (120.0, 0.0)]))
     return _along("crawl", path, stamps, _way(speed), spacing, jam=True)
 
