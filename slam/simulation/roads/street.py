@@ -136,7 +136,7 @@ class AvenueScene(StreetScene):
     lines = ((1.75, True), (-1.75, True), (5.3, False), (5.6, False), (9.1, True))
     GAP = (5.0, 9.0)  # metres between bumpers
     DRIFT: ClassVar[dict[float, float]] = {3.5: 0.5, 0.0: 0.0, -3.5: -0.45}  # m/s that a lane is faster than the car
-    BESIDE = 11.0  # metres ahead and behind that count as beside the car
+    BESIDE = 5.0  # metres ahead and behind that count as beside the car
     LORRIES = 0.45  # share of the vehicles elsewhere
 
     def movers(self, rng: np.random.Generator) -> Iterator[Mover]:
@@ -154,7 +154,7 @@ class AvenueScene(StreetScene):
         """From behind the car to before it, each vehicle swaying in its gap; right beside it are cars alone."""
         stamps, way = self.drive.stamps, -SIGHT - rng.uniform(0, 10)
         while way < SIGHT:
-            beside = left != 0.0 and abs(way + 4.0) < self.BESIDE
+            beside = left != 0.0 and -self.BESIDE - 16.5 < way < self.BESIDE
             mesh = lorries.lorry(rng) if rng.random() < self.LORRIES and not beside else vehicles.car(rng)
             length = lorries.length_of(mesh)
             way += length / 2
