@@ -54,7 +54,7 @@ class MotorwayScene(DrivenScene):
         rng = np.random.default_rng([self.seed, 1])
         length = float(self.drive.way[-1])
         parts = [*_roads(self.course), *_country(self.course, length, self.seed), *_barrier(self.course, length)]
-        return Parts([*parts, *_signs(self.course, length, rng), *_far_off(self.course, length, rng)])
+        return Parts([*parts, *_signs(self.course, length, rng), *_beside(self.course, length, rng)])
 
     @cached_property
     def traffic(self) -> Traffic:
@@ -169,17 +169,18 @@ def _panel(width: float, height: float, low: float) -> Mesh:
     )
 
 
-def _far_off(course: Course, length: float, rng: np.random.Generator) -> Iterator[Mesh]:
-    """A few trees, bushes and houses."""
+def _beside(course: Course, length: float, rng: np.random.Generator) -> Iterator[Mesh]:
+    """Bushes on the slopes, and a few trees and houses."""
     trees, bushes = [vegetation.tree(rng) for _ in range(8)], [vegetation.bush(rng) for _ in range(4)]
-    for way in np.arange(course.metres[0] + 5, course.metres[-1] - 5, 9.0):
+    for way in np.arange(course.metres[0] + 5, course.metres[-1] - 5, 4.0):
         for edge, side in SIDES:
-            if rng.random() < 0.45:
-                plant, out = (
-                    (pick(rng, trees), rng.uniform(26, 75)) if rng.random() < 0.7 else (pick(rng, bushes), 18.0)
-                )
+            chance = rng.random()
+            if chance < 0.4:
+                tall = chance < 0.14
+                plant, out = pick(rng, trees if tall else bushes), rng.uniform(26, 75) if tall else rng.uniform(6, 24)
                 rise = float(_land(way, out, length)) - 0.1
-                yield course.laid(plant, way, edge + side * out, rng.uniform(0, 2 * np.pi), rise)
+                turn, size = rng.uniform(0, 2 * np.pi), rng.uniform(0.7, 1.4)
+                yield course.laid(plant.placed(0, 0, 0, 0.0, size), way, edge + side * out, turn, rise)
     for way in rng.uniform(course.metres[0] + 20, course.metres[-1] - 20, 6):
         edge, side = pick(rng, SIDES)
         house = building(rng, rng.uniform(10, 16), rng.uniform(9, 12), int(rng.integers(1, 4)))

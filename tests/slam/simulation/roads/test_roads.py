@@ -7,7 +7,7 @@ from slam.data.cloud import Array
 from slam.data.sensor import load_sensor
 from slam.simulation.driven_scene import DrivenScene
 from slam.simulation.drives import built_in
-from slam.simulation.mesh import joined
+from slam.simulation.roads.lorries import box_truck, length_of, semi_trailer
 from slam.simulation.roads.street import LorriesScene
 from slam.simulation.scene import SCENES
 from slam.simulation.world import StandingWorld, World
@@ -52,29 +52,22 @@ def differing(one: Array, other: Array, beams: Array) -> float:
     return float(np.mean(~found | (above & (apart > 0.03))))
 
 
-@pytest.fixture(scope="module")
-def tunnel() -> DrivenScene:
-    return scene_of("tunnel")
+def looks(scene: DrivenScene, ways: list[float], beams: Array) -> Array:
+    """(W, N) metres: all beams from each way."""
+    return seen_from(scene, np.repeat(ways, len(beams)), np.tile(beams, (len(ways), 1))).reshape(len(ways), -1)
 
 
-def test_where_a_tunnel_says_so_every_place_looks_like_the_next(tunnel: DrivenScene) -> None:
-    stretch = tunnel.drive.unobservable(REACH)
-    assert stretch == (140.0, 180.0)
-    beams = rays()
-    middle = seen_from(tunnel, 160.0, beams)
-    for way in (stretch[0] + 2, 151.3, stretch[1] - 2):
-        assert differing(middle, seen_from(tunnel, way, beams), beams) < 1e-4
+def test_where_a_tunnel_says_so_every_place_looks_like_the_next_and_outside_its_end_shows() -> None:
+    scene, beams = scene_of("tunnel"), rays()
+    assert scene.drive.unobservable(REACH) == (140.0, 180.0)
+    middle, *inside = looks(scene, [160.0, 142.0, 151.3, 178.0], beams)
+    assert max(differing(middle, look, beams) for look in inside) < 1e-4
+    outside = looks(scene, [115.0, 205.0], beams)
+    assert min(differing(middle, look, beams) for look in outside) > 5e-4
 
 
-def test_outside_of_it_the_tunnels_end_shows(tunnel: DrivenScene) -> None:
-    beams = rays()
-    middle = seen_from(tunnel, 160.0, beams)
-    assert differing(middle, seen_from(tunnel, 115.0, beams), beams) > 0.0005
-    assert differing(middle, seen_from(tunnel, 205.0, beams), beams) > 0.0005
-
-
-def test_short_tunnels_and_other_roads_have_no_such_stretch(tunnel: DrivenScene) -> None:
-    assert tunnel.drive.unobservable(100.0) is None
+def test_short_tunnels_and_other_roads_have_no_such_stretch() -> None:
+    assert built_in("tunnel").unobservable(100.0) is None
     assert built_in("bridge").unobservable(REACH) is None
     assert built_in("loop").unobservable(REACH) is None
 
@@ -83,10 +76,11 @@ def test_a_bridge_looks_the_same_after_its_period_and_not_before() -> None:
     scene = scene_of("bridge")
     period, beams = scene.drive.period, rays()
     assert period is not None
-    here = seen_from(scene, 101.0, beams)
-    for spans in (1, 4):
-        assert differing(here, seen_from(scene, 101.0 + spans * period, beams), beams) < 1e-4
-    posts, lamps = (differing(here, seen_from(scene, 101.0 + apart, beams), beams) for apart in (1.0, 2.0))
+    apart = [0.0, period, 4 * period, 1.0, 2.0]
+    here, next_span, fourth, one, two = looks(scene, [101.0 + way for way in apart], beams)
+    assert differing(here, next_span, beams) < 1e-4
+    assert differing(here, fourth, beams) < 1e-4
+    posts, lamps = differing(here, one, beams), differing(here, two, beams)
     assert posts > 0.02
     assert 0.001 < lamps < 0.5 * posts, "a step of two metres shows in the lamps alone"
 
@@ -118,7 +112,7 @@ def test_vehicles_of_a_motorway_overtake_and_are_overtaken() -> None:
     assert (np.abs(speeds) > 20).all()
     assert (speeds < -20).sum() > 10
     assert ((speeds > 20) & (speeds < 29)).sum() > 10
-    lengths = [np.ptp(mover.mesh.vertices[:, 0]) for mover in scene.traffic.movers]
+    lengths = [length_of(mover.mesh) for mover in scene.traffic.movers]
     assert max(lengths) > 14
 
 
@@ -152,7 +146,7 @@ def test_about_every_third_echo_in_traffic_comes_from_what_moves_along(sensor: s
 def test_no_two_vehicles_of_the_traffic_touch() -> None:
     scene = scene_of("traffic")
     for frame in range(0, len(scene.drive), 50):
-        boxes = [(m.way[frame], m.left, np.ptp(m.mesh.vertices[:, 0]) / 2) for m in scene.traffic.movers]
+        boxes = [(m.way[frame], m.left, length_of(m.mesh) / 2) for m in scene.traffic.movers]
         boxes.append((scene.drive.way[frame], 0.0, 2.25))
         way, left, half = np.array(boxes).T
         gap = np.abs(way[:, None] - way) - half[:, None] - half + 1e9 * np.eye(len(way))
@@ -160,11 +154,9 @@ def test_no_two_vehicles_of_the_traffic_touch() -> None:
 
 
 def test_lorries_are_as_long_and_high_as_lorries() -> None:
-    from slam.simulation.roads.lorries import box_truck, semi_trailer
-
     for make, length in ((semi_trailer, (15.5, 16.7)), (box_truck, (7.4, 10.2))):
         for seed in range(4):
-            size = np.ptp(joined([make(np.random.default_rng(seed))]).vertices, axis=0)
+            size = np.ptp(make(np.random.default_rng(seed)).vertices, axis=0)
             assert length[0] < size[0] < length[1]
             assert 2.5 < size[1] < 2.9
             assert 3.3 < size[2] < 4.1
