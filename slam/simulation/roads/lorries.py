@@ -113,7 +113,7 @@ def _load(rng: np.random.Generator, rear: float, front: float, top: float) -> li
         *straps,
         panel((-0.03, 0.03), (low, top - 0.1), "metal", DARK),
         *(panel((side * 0.7 - 0.03, side * 0.7 + 0.03), (low, top - 0.1), "metal") for side in (-1, 1)),
-        box((0.1, 2.44, 0.3), "metal", DARK).placed(rear + 0.05, 0, 0.9),
+        box((0.1, 2.44, 0.24), "metal", DARK).placed(rear + 0.05, 0, 0.9),
         box((0.1, 2.4, 0.18), "metal", DARK).placed(rear + 0.1, 0, 0.45),
         *(box((0.08, 0.1, 0.3), "metal", DARK).placed(rear + 0.1, y, 0.62) for y in (-0.7, 0.7)),
         *(panel((y, y + 0.35), (0.95, 1.1), "sign", (150, 22, 24)) for y in (-1.2, 0.85)),
