@@ -17,6 +17,11 @@ DRIVES: Registry[Drive] = Registry(
         "straight": "slam.simulation.drives:straight",
         "tunnel": "slam.simulation.drives:tunnel",
         "jam": "slam.simulation.drives:jam",
+        "crawl": "slam.simulation.drives:crawl",
+        "motorway": "slam.simulation.drives:motorway",
+        "bridge": "slam.simulation.drives:bridge",
+        "lorries": "slam.simulation.drives:lorries",
+        "traffic": "slam.simulation.drives:traffic",
         "building": "slam.simulation.indoors.walk:building",
     },
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -35,6 +36,7 @@ class Drive:
     tunnel    from and to which way [m] the road runs through a tunnel, or None
     jam       whether it is stuck in a queue of cars
     scene     what it leads through, one of SCENES
+    period    metres of the way after which all that stands looks the same again, all the way; None: nothing repeats
     path      T_world_sensor (K, 4, 4) at stamps (K,), where it is known between the frames too (a sensor carried by
               hand); None: a constant velocity from frame to frame
     height    of the LiDAR above the ground [m] unless another is asked for; None: the car's
@@ -48,6 +50,7 @@ class Drive:
     tunnel: tuple[float, float] | None = None
     jam: bool = False
     scene: str = "town"
+    period: float | None = None
     path: Callable[[Array], Array] | None = None
     height: float | None = None
     rate: float = RATE
@@ -60,6 +63,16 @@ class Drive:
         """(N,) metres driven since the first frame."""
         steps = np.linalg.norm(np.diff(self.position[:, :2], axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def unobservable(self, reach: float) -> tuple[float, float] | None:
+        """From and to which way [m] nothing that stands within `reach` [m] tells how far along the road the car is.
+
+        There the tunnel's ends are out of reach; its walls look the same everywhere. None: there is no such stretch.
+        What repeats with a `period` longer than a frame's step tells steps apart, but not one period from the next.
+        """
+        if self.tunnel is None or self.tunnel[1] - self.tunnel[0] <= 2 * reach:
+            return None
+        return self.tunnel[0] + reach, self.tunnel[1] - reach
 
 
 def built_in(name: str, spacing: float | None = None) -> Drive:
@@ -90,8 +103,54 @@ def jam(spacing: float | None = None) -> Drive:
     """Half a minute of stop and go, 50 m of the way."""
     stamps = np.arange(350) / RATE
     speed = np.clip(1.6 + 2.2 * np.sin(0.45 * stamps) + 0.7 * np.sin(1.07 * stamps + 1.0), 0.0, None)
-    way = np.concatenate([[0.0], np.cumsum(gaussian_filter1d(speed, 4))[:-1]]) / RATE
-    return _along("jam", _lane(np.array([(0.0, 0.0), (120.0, 0.0)])), stamps, way, spacing, jam=True)
+    path = _lane(np.array([(0.0, 0.0), (120.0, 0.0)]))
+    return _along("jam", path, stamps, _way(speed), spacing, jam=True)
+
+
+def crawl(spacing: float | None = None) -> Drive:
+    """Half a minute of crawling traffic, 20 m of the way: 0.02 to 0.2 m a frame, and three stops."""
+    stamps = np.arange(320) / RATE
+    speed = np.clip(0.55 + 1.25 * np.sin(0.55 * stamps + 0.4) + 0.1 * np.sin(1.3 * stamps), 0.0, 1.95)
+    path = _lane(np.array([(0.0, 0.0), (120.0, 0.0)]))
+    return _along("crawl", path, stamps, _way(speed), spacing, jam=True)
+
+
+def motorway(spacing: float | None = None) -> Drive:
+    """480 m in the left of two lanes at 30 m/s, from the first frame on: gentle curves, and a rise and fall of 8 m."""
+    way = 3.0 * np.arange(161)
+    metre = np.arange(0.0, way[-1] + 1.0, SAMPLE_SPACING)
+    path = _bending(np.sin(metre / 85.0) / 1100.0)
+    drive = _along("motorway", path, np.arange(len(way)) / RATE, way, None, scene="motorway")
+    drive.position[:, 2] = 4.0 * (1 - np.cos(2 * np.pi * way / 460.0))
+    return _spaced(drive, spacing)
+
+
+def bridge(spacing: float | None = None) -> Drive:
+    """300 m of a straight bridge at 10 to 15 m/s, nothing else within a LiDAR's reach.
+
+    All that stands repeats every 36 m, the length of a span: two lamps. The posts of the railings, every 2 m, repeat
+    within it: steps of a frame, 1.0 to 1.5 m, can be taken for 2 m more or less where the lamps are not seen.
+    """
+    stamps = np.arange(240) / RATE
+    speed = 12.5 + 2.3 * np.sin(0.5 * stamps)
+    path = _bending(np.zeros(1600))
+    return _along("bridge", path, stamps, _way(speed), spacing, scene="bridge", period=36.0)
+
+
+def lorries(spacing: float | None = None) -> Drive:
+    """135 m of a street at 8 m/s, past a row of parked lorries whose sides are 3.7 m beside the car, between houses."""
+    stamps = np.arange(170) / RATE
+    return _along(
+        "lorries", _bending(np.zeros(800)), stamps, _way(8.0 + 0.4 * np.sin(stamps)), spacing, scene="lorries"
+    )
+
+
+def traffic(spacing: float | None = None) -> Drive:
+    """280 m of an avenue at 8 to 14 m/s, in dense traffic: every third echo comes from vehicles as fast as the car."""
+    stamps = np.arange(250) / RATE
+    speed = 11.0 + 2.5 * np.sin(0.4 * stamps - 0.8)
+    path = _bending(np.sin(np.arange(1400) * SAMPLE_SPACING / 60.0) / 700.0)
+    return _along("traffic", path, stamps, _way(speed), spacing, scene="avenue")
 
 
 def thinned(drive: Drive, every: int) -> Drive:
@@ -172,6 +231,18 @@ def _resampled(points: Array, step: float) -> Array:
     return np.column_stack([np.interp(at, way, points[:, axis]) for axis in (0, 1)])
 
 
+def _bending(curvature: Array) -> Array:
+    """(N, 2): a line from the origin along x with a curvature [1/m] (N,) at each sample, SAMPLE_SPACING apart."""
+    heading = SAMPLE_SPACING * np.cumsum(curvature)
+    steps = SAMPLE_SPACING * np.column_stack([np.cos(heading), np.sin(heading)])
+    return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)[:-1]])
+
+
+def _way(speed: Array) -> Array:
+    """(N,) metres come at each frame, at a speed [m/s] (N,) whose changes are smoothed."""
+    return np.concatenate([[0.0], np.cumsum(gaussian_filter1d(speed, 4))[:-1]]) / RATE
+
+
 def _driven(name: str, path: Array, spacing: float | None, tunnel: tuple[float, float] | None = None) -> Drive:
     """A car that slows down before curves and speeds up after them."""
     yaw = np.unwrap(np.arctan2(np.gradient(path[:, 1]), np.gradient(path[:, 0])))
@@ -181,25 +252,16 @@ def _driven(name: str, path: Array, spacing: float | None, tunnel: tuple[float, 
             limited[index] = min(limited[index], np.sqrt(limited[index - 1] ** 2 + 2 * ALONG * SAMPLE_SPACING))
     time = np.concatenate([[0.0], np.cumsum(SAMPLE_SPACING / speed[:-1])])
     stamps = np.arange(0.0, time[-1], 1 / RATE)
-    return _along(
-        name, path, stamps, np.interp(stamps, time, SAMPLE_SPACING * np.arange(len(path))), spacing, tunnel=tunnel
-    )
+    way = np.interp(stamps, time, SAMPLE_SPACING * np.arange(len(path)))
+    return _along(name, path, stamps, way, spacing, tunnel=tunnel)
 
 
-def _along(
-    name: str,
-    path: Array,
-    stamps: Array,
-    way: Array,
-    spacing: float | None,
-    tunnel: tuple[float, float] | None = None,
-    jam: bool = False,
-) -> Drive:
-    """The drive that has come `way` (N,) metres along the path at each stamp."""
+def _along(name: str, path: Array, stamps: Array, way: Array, spacing: float | None, **about: Any) -> Drive:
+    """The drive that has come `way` (N,) metres along the path at each stamp; `about` it: other fields of Drive."""
     samples = SAMPLE_SPACING * np.arange(len(path))
     heading = np.unwrap(np.arctan2(np.gradient(path[:, 1]), np.gradient(path[:, 0])))
     position = np.column_stack([*(np.interp(way, samples, path[:, axis]) for axis in (0, 1)), np.zeros(len(way))])
-    return _spaced(Drive(name, stamps, position, np.interp(way, samples, heading), tunnel, jam), spacing)
+    return _spaced(Drive(name, stamps, position, np.interp(way, samples, heading), **about), spacing)
 
 
 def _spaced(drive: Drive, spacing: float | None) -> Drive:
@@ -213,7 +275,7 @@ def _spaced(drive: Drive, spacing: float | None) -> Drive:
     at = np.arange(0.0, way[-1], spacing)
     columns = [np.interp(at, way[moving], drive.position[moving, axis]) for axis in range(3)]
     yaw = np.interp(at, way[moving], drive.yaw[moving])
-    return Drive(drive.name, np.arange(len(at)) / RATE, np.column_stack(columns), yaw, drive.tunnel, drive.jam)
+    return replace(drive, stamps=np.arange(len(at)) / RATE, position=np.column_stack(columns), yaw=yaw, path=None)
 
 
 def at_rate(drive: Drive, rate: float) -> Drive:

@@ -35,5 +35,12 @@ class Scene(Protocol):
 #: By the names that `Drive.scene` has.
 SCENES: Registry[Scene] = Registry(
     "scene",
-    {"town": "slam.simulation.town.scene:TownScene", "building": "slam.simulation.indoors.scene:BuildingScene"},
+    {
+        "town": "slam.simulation.town.scene:TownScene",
+        "motorway": "slam.simulation.roads.motorway:MotorwayScene",
+        "bridge": "slam.simulation.roads.bridge:BridgeScene",
+        "lorries": "slam.simulation.roads.street:LorriesScene",
+        "avenue": "slam.simulation.roads.street:AvenueScene",
+        "building": "slam.simulation.indoors.scene:BuildingScene",
+    },
 )

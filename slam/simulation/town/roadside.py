@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam.data.cloud import Array
+from slam.simulation.course import Road
 from slam.simulation.mesh import Mesh
 from slam.simulation.terrain import Terrain
 from slam.simulation.town import furniture, vegetation, vehicles
 from slam.simulation.town.buildings import building
 from slam.simulation.town.plots import Plots
-from slam.simulation.town.streets import HALF_WIDTH, PAVEMENT, Road, Streets
+from slam.simulation.town.streets import HALF_WIDTH, PAVEMENT, Streets
 
 GARDEN = HALF_WIDTH + PAVEMENT  # metres from the middle of the road to where gardens and houses begin
 PARKED = HALF_WIDTH - 1.1  # metres from there to the middle of the parked cars

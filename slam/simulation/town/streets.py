@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from slam.data.cloud import Array
+from slam.simulation.course import Road, driven_line
 from slam.simulation.drives import LANE, Drive
 from slam.simulation.mesh import Mesh, joined, quads
 from slam.simulation.terrain import Terrain, noise
@@ -33,29 +33,11 @@ ROUGH = 0.012  # metres that the surface is uneven by
 DASH = 3  # metres of the middle line, and of the gap after it
 
 
-@dataclass(frozen=True, eq=False)
-class Road:
-    """A road's middle line (M, 2), a point every metre."""
-
-    line: Array
-
-    @property
-    def direction(self) -> Array:
-        """(M, 2) unit vectors."""
-        ahead = np.gradient(self.line, axis=0)
-        return np.asarray(ahead / np.linalg.norm(ahead, axis=1, keepdims=True))
-
-    @property
-    def left(self) -> Array:
-        """(M, 2) unit vectors to the left of the direction."""
-        return self.direction @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-
-
 class Streets:
     """The roads of a town, and how far a place is from them."""
 
     def __init__(self, drive: Drive, rng: np.random.Generator) -> None:
-        self.path = driven_line(drive)
+        self.path = driven_line(drive, OUTSKIRTS)
         self.roads = _without_repeats(Road(self.path).left * LANE + self.path)
         self.roads += _side_streets(self.roads, rng, drive.tunnel)
         self._points = np.concatenate([road.line for road in self.roads])
@@ -111,17 +93,6 @@ class Streets:
                 painted &= (metre // DASH) % 2 == 0
             parts += [quads(strip_corners[painted], "marking"), quads(strip_corners[kept & ~painted], "asphalt")]
         return joined(parts)
-
-
-def driven_line(drive: Drive) -> Array:
-    """(M, 2): the way of the car, a point every metre, with OUTSKIRTS at either end."""
-    way = drive.way
-    at = np.arange(0.0, way[-1], 1.0)
-    moving = np.concatenate([[True], np.diff(way) > 1e-6])
-    line = np.column_stack([np.interp(at, way[moving], drive.position[moving, axis]) for axis in (0, 1)])
-    ahead = np.array([[np.cos(yaw), np.sin(yaw)] for yaw in (drive.yaw[0], drive.yaw[-1])])
-    more = np.arange(1.0, OUTSKIRTS)[:, None]
-    return np.concatenate([line[0] - more[::-1] * ahead[0], line, line[-1] + more * ahead[1]])
 
 
 def _without_repeats(line: Array) -> list[Road]:

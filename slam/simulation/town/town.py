@@ -7,37 +7,25 @@ from collections.abc import Iterator
 import numpy as np
 
 from slam.data.cloud import Array
+from slam.simulation.course import Road
 from slam.simulation.drives import LANE, Drive
 from slam.simulation.mesh import Mesh, grid, joined
+from slam.simulation.parts import Parts
 from slam.simulation.terrain import MARGIN, Terrain
 from slam.simulation.town.ground import ground
 from slam.simulation.town.plots import Plots
 from slam.simulation.town.roadside import GARDEN, Roadside, Stock
-from slam.simulation.town.streets import OUTSKIRTS, Road, Streets
+from slam.simulation.town.streets import OUTSKIRTS, Streets
 
 
-class Town:
-    """All that stands still, in parts that lie close together.
-
-    The same drive and seed give the same town.
-    """
+class Town(Parts):
+    """All that stands still. The same drive and seed give the same town."""
 
     def __init__(self, drive: Drive, terrain: Terrain, seed: int) -> None:
         rng = np.random.default_rng([seed, 1])
         self.terrain, self.streets, self.stock = terrain, Streets(drive, rng), Stock.of(rng)
-        self._parts = [*self.streets.surface(terrain), *ground(terrain, self.streets, seed)]
-        self._parts += self._built(drive, rng)
-        lowest = np.array([part.vertices[:, :2].min(axis=0) for part in self._parts])
-        highest = np.array([part.vertices[:, :2].max(axis=0) for part in self._parts])
-        self._middle, self._reach = (lowest + highest) / 2, np.linalg.norm(highest - lowest, axis=1) / 2
-
-    def __len__(self) -> int:
-        return sum(len(part) for part in self._parts)
-
-    def around(self, place: Array, radius: float) -> Mesh:
-        """All parts that come within `radius` [m] of a place (2,)."""
-        near = np.linalg.norm(self._middle - place, axis=1) < radius + self._reach
-        return joined(self._parts[index] for index in np.flatnonzero(near))
+        parts = [*self.streets.surface(terrain), *ground(terrain, self.streets, seed)]
+        super().__init__([*parts, *self._built(drive, rng)])
 
     def _built(self, drive: Drive, rng: np.random.Generator) -> Iterator[Mesh]:
         low, high = (bound(drive.position[:, :2], axis=0) for bound in (np.min, np.max))

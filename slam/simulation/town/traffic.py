@@ -2,76 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from slam.data.cloud import Array
+from slam.simulation.course import Course
 from slam.simulation.drives import LANE, Drive
 from slam.simulation.mesh import Mesh
 from slam.simulation.town.roadside import Stock
-from slam.simulation.town.streets import HALF_WIDTH, OUTSKIRTS, Road
+from slam.simulation.town.streets import HALF_WIDTH, OUTSKIRTS
 from slam.simulation.town.town import Town
+from slam.simulation.traffic import Mover, Traffic
 
-SIGHT = 120.0  # metres: beyond, what moves is left out
 CAR, PERSON = 5.0, 1.0  # metres that they keep from each other
 
 
-@dataclass(frozen=True, eq=False)
-class Mover:
-    """One car or person.
-
-    way      (N,) metres along the drive's path in each frame
-    left     metres to the left of that path
-    reverse  whether it goes against the drive
-    room     metres that it keeps from others
-    """
-
-    mesh: Mesh
-    way: Array
-    left: float
-    reverse: bool
-    room: float
-
-
-class Traffic:
+class TownTraffic(Traffic):
     """Cars ahead, behind and oncoming, people walking; none of them runs into another or into the driven car."""
 
-    def __init__(self, drive: Drive, town: Town, rng: np.random.Generator) -> None:
-        self._path, self._terrain, self._drive = Road(town.streets.path), town.terrain, drive
-        self._metres = np.arange(len(self._path.line)) - (OUTSKIRTS - 1)
-        self._heading = np.unwrap(np.arctan2(self._path.direction[:, 1], self._path.direction[:, 0]))
-        self._movers: list[Mover] = []
-        self._places: list[Array] = []
-        for mover in [mover for some in (_queue, _oncoming, _walkers) for mover in some(drive, town.stock, rng)]:
-            self._admit(mover)
+    @staticmethod
+    def of(drive: Drive, town: Town, rng: np.random.Generator) -> TownTraffic:
+        """The traffic of a town."""
+        course = Course.of(drive, town.terrain, OUTSKIRTS)
+        return TownTraffic(
+            drive, course, [m for some in (_queue, _oncoming, _walkers) for m in some(drive, town.stock, rng)]
+        )
 
-    def __len__(self) -> int:
-        return len(self._movers)
-
-    def at(self, frame: int) -> list[Mesh]:
-        """All that moves within SIGHT of the car in that frame."""
-        here = self._drive.position[frame, :2]
-        parts = []
-        for mover, places in zip(self._movers, self._places, strict=True):
-            if np.linalg.norm(places[frame] - here) < SIGHT:  # never so for NaN
-                yaw = np.interp(mover.way[frame], self._metres, self._heading) + np.pi * mover.reverse
-                (pose,) = self._terrain.poses(places[frame : frame + 1], np.array([yaw]), 0.0, np.zeros((1, 3)))
-                parts.append(mover.mesh.moved(pose))
-        return parts
-
-    def _admit(self, mover: Mover) -> None:
-        """Take it in if it keeps its distance from the driven car and from the others, all the way."""
-        middle = np.column_stack([np.interp(mover.way, self._metres, self._path.line[:, axis]) for axis in (0, 1)])
-        left = np.column_stack([np.interp(mover.way, self._metres, self._path.left[:, axis]) for axis in (0, 1)])
-        places = middle + mover.left * left
-        places[(mover.way < self._metres[0]) | (mover.way > self._metres[-1])] = np.nan
-        near = np.linalg.norm(places - self._drive.position[:, :2], axis=1) < mover.room - 2.2
-        for other, there in zip(self._movers, self._places, strict=True):
+    def free(self, mover: Mover, places: Array) -> bool:
+        """Whether it keeps its distance from all others, for the way may cross itself."""
+        near = np.linalg.norm(places - self.drive.position[:, :2], axis=1) < mover.room - 2.2
+        for other, there in zip(self.movers, self.places, strict=True):
             near |= np.linalg.norm(places - there, axis=1) < min(mover.room, other.room)
-        if not near.any():
-            self._movers.append(mover)
-            self._places.append(places)
+        return not near.any()
 
 
 def _queue(drive: Drive, stock: Stock, rng: np.random.Generator) -> list[Mover]:

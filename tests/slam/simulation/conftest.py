@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slam.simulation.camera import Look
 from slam.simulation.drives import Drive
 from slam.simulation.mesh import Mesh, box
 
@@ -44,6 +45,9 @@ class _Scene:
         cosine, sine = np.cos(self.drive.yaw), np.sin(self.drive.yaw)
         poses[:, :2, :2] = np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), -1, 0)
         return poses
+
+    def look(self, rng: np.random.Generator) -> Look:
+        return Look.of(rng)
 
     def around(self, place: np.ndarray, radius: float) -> Mesh:
         return Courtyard.mesh

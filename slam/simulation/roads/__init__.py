@@ -1,0 +1,1 @@
+"""Roads without a town: motorway, bridge, and streets full of lorries or of traffic."""

@@ -1,0 +1,73 @@
+"""What moves while the car drives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from slam.data.cloud import Array
+from slam.simulation.course import Course
+from slam.simulation.drives import Drive
+from slam.simulation.mesh import Mesh
+
+SIGHT = 120.0  # metres: beyond, what moves is left out
+OWN = 4.5  # metres: the length of the driven car
+LANE_APART = 2.9  # metres between the middles of two that pass each other
+
+
+@dataclass(frozen=True, eq=False)
+class Mover:
+    """One car or person.
+
+    way      (N,) metres along the drive's path in each frame
+    left     metres to the left of that path
+    reverse  whether it goes against the drive
+    room     metres that it keeps from others, between the middles of two that need as much
+    """
+
+    mesh: Mesh
+    way: Array
+    left: float
+    reverse: bool
+    room: float
+
+
+class Traffic:
+    """Of movers, those that run into none of the earlier ones nor into the driven car."""
+
+    def __init__(self, drive: Drive, course: Course, movers: Iterable[Mover]) -> None:
+        self.drive, self._course = drive, course
+        self.movers: list[Mover] = []
+        self.places: list[Array] = []
+        for mover in movers:
+            places = course.places(mover.way, mover.left)
+            places[(mover.way < course.metres[0]) | (mover.way > course.metres[-1])] = np.nan
+            if self.free(mover, places):
+                self.movers.append(mover)
+                self.places.append(places)
+
+    def __len__(self) -> int:
+        return len(self.movers)
+
+    def at(self, frame: int) -> list[Mesh]:
+        """All that moves within SIGHT of the car in that frame."""
+        here = self.drive.position[frame, :2]
+        parts = []
+        for mover, places in zip(self.movers, self.places, strict=True):
+            if np.linalg.norm(places[frame] - here) < SIGHT:  # never so for NaN
+                yaw = self._course.heading(mover.way[frame]) + np.pi * mover.reverse
+                at = places[frame : frame + 1]
+                (pose,) = self._course.terrain.poses(at, np.array([yaw]), 0.0, np.zeros((1, 3)))
+                parts.append(mover.mesh.moved(pose))
+        return parts
+
+    def free(self, mover: Mover, places: Array) -> bool:
+        """Whether it keeps its distance in its lane, all the way; `places` (N, 2) are NaN where it is out of sight."""
+        others = [(other.way, other.left, other.room) for other in self.movers]
+        for way, left, room in [(self.drive.way, 0.0, OWN + 1.0), *others]:
+            apart = np.abs(mover.way - way).min()
+            if abs(mover.left - left) < LANE_APART and apart < (mover.room + room) / 2:
+                return False
+        return True
