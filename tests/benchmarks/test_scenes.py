@@ -152,7 +152,7 @@ def test_a_small_run(street_drive: Street, monkeypatch: pytest.MonkeyPatch) -> N
     pytest.importorskip("kiss_icp")
     pytest.importorskip("small_gicp")
     monkeypatch.setattr(scenes, "in_own_process", lambda measure, *case: measure(*case, IN_SCENES))
-    name, data, chosen = scenes.opened(str(street_drive()), "1:8", camera=True)
+    name, data, chosen = scenes.opened(str(street_drive()), "0:7", camera=True)
     assert data.ground_truth is not None
     truth = data.ground_truth[chosen]
     found = {each: scenes.entry(data, chosen, truth, each) for each in ("full", "ray-segment", "lift")}
@@ -162,7 +162,7 @@ def test_a_small_run(street_drive: Street, monkeypatch: pytest.MonkeyPatch) -> N
         for system in (*OURS, REFERENCE, "vgicp", "gicp"):
             figures = found[each]["systems"][system]
             assert figures["error"] is None
-            assert 2 <= figures["worst_frame"] <= 7
+            assert 1 <= figures["worst_frame"] <= 6
         for system in GENZ:
             error = found[each]["systems"][system]["error"]
             assert error is None or "not installed" in error
@@ -170,7 +170,7 @@ def test_a_small_run(street_drive: Street, monkeypatch: pytest.MonkeyPatch) -> N
         assert abs(found[each]["systems"]["ndt"]["along_track_m"]) < 0.1
     about = surroundings(()) | {"command": "", "uncounted": 5}
     about["datasets"] = {name: scenes.facts(data, chosen, truth)}
-    assert f"## {name}\n\n7 frames, 1 to 7; hdl64, 64 rings; 8.4 m" in page({"about": about, name: found})
+    assert f"## {name}\n\n7 frames, 0 to 6; hdl64, 64 rings; 8.4 m" in page({"about": about, name: found})
 
 
 def one_of_them_crashes(systems: Sequence[str]) -> scenes.Measured:
