@@ -72,6 +72,7 @@ def opened(drive: str, frames: str | None, camera: bool) -> tuple[str, Dataset, 
 
 
 def facts(data: Dataset, positions: Sequence[int], truth: Array | None) -> dict[str, Any]:
+    """What is driven, for the report."""
     known = None if truth is None else truth[np.isfinite(truth[:, 0, 0])]
     return {
         "frames": len(positions),

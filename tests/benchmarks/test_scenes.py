@@ -98,8 +98,14 @@ def test_ranks_and_where_we_lose() -> None:
         "bridge, full: 2.00 times the time of kiss-icp.",
     ]
     assert wrong_without_knowing(FOUND, {"bridge": FACTS}) == [
-        "bridge, full, ndt: 94.0 m for 100.0, 38 of 40 frames called registered."
+        "bridge, full, ndt: 94.0 m for 100.0, -0.5 m at the end; 38 of 40 frames called registered."
     ]
+    round_about = {
+        "ndt": of_system(0.1, 100.0, failed_frames=0, along_track_m=5.5),
+        "ndt-scan-to-scan": {"error": "no"},
+    }
+    (line,) = wrong_without_knowing({"bridge": {"16": {"reason": None, "systems": round_about}}}, {"bridge": FACTS})
+    assert line == "bridge, 16, ndt: 100.0 m for 100.0, +5.5 m at the end; 40 of 40 frames called registered."
 
 
 def test_where_all_is_well_nothing_is_lost() -> None:
