@@ -6,6 +6,9 @@ BIN := $(VENV)/bin
 RUNTIME := $(VENV)/.ready-runtime
 DEV := $(VENV)/.ready-dev
 BENCHMARKS := $(VENV)/.ready-benchmarks
+# Peers that want other versions than lidarlift, in environments of their own. All versions: benchmarks/peers.txt.
+PEERS := kiss-slam rko-lio
+OWN := $(PEERS:%=.peers/%/.ready)
 
 PYTEST := $(BIN)/pytest -n 2 --dist loadfile
 
@@ -20,7 +23,7 @@ PLAIN := NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= NUMBA_CACHE_DIR="$(CURDIR)/.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test portable lint wheel benchmark clean
+.PHONY: help setup demo test portable lint wheel benchmark peers clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -49,13 +52,15 @@ benchmark: $(BENCHMARKS) ## measure beside the peers: make benchmark DATASETS="D
 	@test -n "$(DATASETS)" || { echo 'Which drives? make benchmark DATASETS="path/to/drive ..."' >&2; exit 2; }
 	@$(BIN)/python -m benchmarks.odometry.frame_rate $(DATASETS)
 
-clean: ## remove .venv and what builds and tools left
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+peers: $(BENCHMARKS) $(OWN) ## install what we are measured beside: into .venv, or .peers where versions clash
+
+clean: ## remove .venv, .peers and what builds and tools left
+	rm -rf $(VENV) .peers build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # What Debian has to bring: libusb-1.0 for open3d, and venv's ensurepip where python3 comes without it.
 # ldconfig lies in /sbin, which is not on everyone's PATH; other systems have none and need nothing of this.
-$(RUNTIME) $(DEV) $(BENCHMARKS): pyproject.toml constraints.txt
+$(RUNTIME) $(DEV) $(BENCHMARKS): pyproject.toml constraints.txt benchmarks/peers.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
 	    echo "lidarlift needs Python 3.11 or newer, '$(PYTHON)' is not: make setup PYTHON=python3.12" >&2; exit 1; }
 	@PATH="$$PATH:/usr/sbin:/sbin"; missing=; \
@@ -74,11 +79,19 @@ $(RUNTIME) $(DEV) $(BENCHMARKS): pyproject.toml constraints.txt
 	    echo "No virtual environment: '$(PYTHON)' has no working venv (Debian: apt-get install python3-venv)" >&2; exit 1; }
 	@echo "Installing Python packages into $(VENV) ($(SIZE)): some minutes the first time"
 	@# --no-compile: Python compiles what is imported, and that is a small part
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.$(EXTRAS)'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt \
+	    -c benchmarks/peers.txt -e '.$(EXTRAS)'
 	@$(BIN)/python -c 'import open3d' >/dev/null || { \
 	    echo "open3d does not start: see the error above (on Debian it needs libusb-1.0-0)" >&2; exit 1; }
 	@touch $(RUNTIME) $@
 
+$(OWN): .peers/%/.ready: $(BENCHMARKS)
+	@echo "Installing $* into .peers/$*"
+	@test -x $(@D)/bin/pip || $(BIN)/python -m venv $(@D)
+	@$(@D)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile -c benchmarks/peers.txt $* $(ALSO)
+	@touch $@
+
+.peers/kiss-slam/.ready: ALSO := pillow
 $(RUNTIME): SIZE := 1.5 GB
 $(DEV): EXTRAS := [dev,benchmarks]
 $(DEV): SIZE := 3 GB

@@ -45,8 +45,20 @@ def test_all_that_is_asked_for_is_pinned(pyproject: dict[str, Any]) -> None:
         *(entry for extra in project["optional-dependencies"].values() for entry in extra),
     ]
     names = {canonical(re.split(r"[^\w.-]", entry)[0]) for entry in wanted} - {"lidarlift"}
-    pinned = {canonical(line.partition("==")[0]) for line in (ROOT / "constraints.txt").read_text().splitlines()}
-    assert names <= pinned
+    assert names <= pinned("constraints.txt") | pinned("benchmarks/peers.txt")
+
+
+def test_every_peer_is_installed_by_make_and_pinned_in_one_place(pyproject: dict[str, Any]) -> None:
+    apart = re.search(r"^PEERS := (.+)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert apart is not None
+    beside = pyproject["project"]["optional-dependencies"]["benchmarks"]
+    assert pinned("benchmarks/peers.txt") == {canonical(name) for name in (*beside, *apart.group(1).split())}
+    assert not pinned("benchmarks/peers.txt") & pinned("constraints.txt")
+
+
+def pinned(file: str) -> set[str]:
+    lines = (ROOT / file).read_text(encoding="utf-8").splitlines()
+    return {canonical(line.partition("==")[0]) for line in lines if line and not line.startswith("#")}
 
 
 def test_the_licences_are_there(pyproject: dict[str, Any]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import open3d as o3d
 
-from benchmarks.common.towns import town
+from benchmarks.common.scenes import scene
 from enrichment.enricher import Enricher
 from enrichment.geometry.held_out import past_of
 from enrichment.geometry.sparse_scan import Method, of_rings
@@ -51,7 +51,7 @@ def flying_pixels(methods: Mapping[str, Method]) -> dict[str, dict[str, float | 
 
 def _frames() -> Iterator[tuple[Frame, History]]:
     """FRAMES of the drive, each with all rings of the scans before it."""
-    data = town(TOWN, camera=True, frames=[number - age for number in FRAMES for age in range(HISTORY, -1, -1)])
+    data = scene(TOWN, camera=True, frames=[number - age for number in FRAMES for age in range(HISTORY, -1, -1)])
     for position in np.searchsorted(data.numbers, FRAMES):
         yield data[position], past_of(data, position)
 

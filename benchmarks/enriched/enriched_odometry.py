@@ -18,8 +18,8 @@ import numpy as np
 
 from benchmarks.common.cores import pin_to_one_core
 from benchmarks.common.page import surroundings, table, target, write_results
+from benchmarks.common.scenes import CACHE, TOWNS, scene
 from benchmarks.common.script import add_results, parser, run_script
-from benchmarks.common.towns import CACHE, TOWNS, town
 from benchmarks.enriched.recipes import SIXTEEN
 from benchmarks.enriched.tracks import Runner, apart, geometric_mean, rmse
 from eval.text import number
@@ -72,7 +72,7 @@ def main() -> None:
     options = arguments.parse_args()
     pin_to_one_core()
     rows: list[Row] = []
-    for data in [*map(open_dataset, options.datasets), *map(town, options.towns)]:
+    for data in [*map(open_dataset, options.datasets), *map(scene, options.towns)]:
         for phase, step in VARIANTS:
             rows.append(measured(data, phase, step))
             print(rows[-1], file=sys.stderr)

@@ -19,8 +19,8 @@ import numpy as np
 
 from benchmarks.common.cores import pin_to_one_core
 from benchmarks.common.page import surroundings, table, target, write_results
+from benchmarks.common.scenes import CACHE, TOWNS, scene
 from benchmarks.common.script import add_results, parser, run_script
-from benchmarks.common.towns import CACHE, TOWNS, town
 from benchmarks.enriched.recipes import SIXTEEN
 from benchmarks.enriched.tracks import Runner, apart, front_ends, geometric_mean, rmse
 from benchmarks.weights.lift_weights import held_out, lift_for
@@ -51,7 +51,7 @@ def main() -> None:
         rows.append(measured(open_dataset(path), dict(options.held_out)))
         print(rows[-1], file=sys.stderr)
     for name in options.towns:
-        rows.append(measured(town(name, camera=True), {}))
+        rows.append(measured(scene(name, camera=True), {}))
         print(rows[-1], file=sys.stderr)
     about = surroundings(("numpy", "numba", "onnxruntime"))
     write_results(options.results, "lift_odometry", {"about": about, "recipes": SIXTEEN, "rows": rows}, page)

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from benchmarks.common.scenes import scene
 from benchmarks.common.script import parser, run_script
-from benchmarks.common.towns import town
 from lidarlift.front_ends import front_end_for
 from slam.config import load_config
 from slam.data.plot_style import save_png
@@ -25,7 +25,7 @@ def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("file", nargs="?", type=Path, default=Path("docs/enriched.png"))
     options = arguments.parse_args()
-    data = town("loop")
+    data = scene("loop")
     frame = data[FRAME]
     figure = Figure(figsize=(9, 12.2), facecolor="#101010", layout="constrained")
     axes = figure.subplots(3, 1)

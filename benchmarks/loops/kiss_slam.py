@@ -1,9 +1,8 @@
 """KISS-SLAM (Guadagnino et al., 2025) compared with lidarlift on simulated drives: ATE before and after loops, time.
 
-    python -m venv FOLDER && FOLDER/bin/pip install kiss-slam pillow
-    python -m benchmarks.loops.kiss_slam TRAJECTORIES FOLDER/bin/python
+    python -m benchmarks.loops.kiss_slam TRAJECTORIES [PYTHON]
 
-KISS-SLAM needs an environment of its own (with pillow, which it imports and its wheel does not ask for); its pipeline
+KISS-SLAM has an environment of its own, which `make peers` makes; PYTHON is the interpreter of another. Its pipeline
 runs there, in a process of its own, on the scans that ours gets. The drives are those of simulated_loops.py, simulated
 into the user's cache where it has them not yet. Writes kiss_slam.md and .json in benchmarks/results.
 """
@@ -39,6 +38,8 @@ HEADER = (
     "drive", "channels", "frames", "system", "odometry m", "after loops m", "times less", "loops", "wrong", "seconds",
     "x lidarlift",
 )  # fmt: skip
+
+PYTHON = Path(__file__).parents[2] / ".peers" / "kiss-slam" / "bin" / "python"  # of `make peers`
 
 #: What runs in KISS-SLAM's environment: its pipeline with its defaults on folder of scans argv[1], into file argv[2].
 #: A factor of a loop maps points of its source, an earlier local map, into its query. Without the times of its points a
@@ -87,7 +88,7 @@ np.savez(
 def main() -> None:
     arguments = parser(__doc__)
     add_drives(arguments)
-    arguments.add_argument("python", type=Path, help="the interpreter that has kiss-slam")
+    arguments.add_argument("python", nargs="?", type=Path, default=PYTHON, help="the interpreter that has kiss-slam")
     add_results(arguments)
     options = arguments.parse_args()
     rows: list[dict[str, Any]] = []
@@ -133,7 +134,7 @@ def theirs(data: Dataset, channels: str, python: Path) -> dict[str, Any]:
         except (OSError, subprocess.CalledProcessError) as error:
             last = (getattr(error, "stderr", None) or str(error).encode()).decode(errors="replace").split("\n")[-2:]
             raise InputError(
-                f"{python}: KISS-SLAM did not run ({' '.join(last).strip()}); see the script's --help"
+                f"{python}: KISS-SLAM did not run ({' '.join(last).strip()}); `make peers` installs it"
             ) from error
         with np.load(f"{folder}/result.npz") as result:
             found = figures(data, result["odometry"], result["poses"], result["pairs"], se3.inverse(result["measured"]))

@@ -9,7 +9,13 @@ from pathlib import Path
 def add_drives(parser: argparse.ArgumentParser) -> None:
     """DRIVE [DRIVE ...] and --frames A:B."""
     parser.add_argument("datasets", nargs="+", type=_folder, metavar="DRIVE", help="folder of a drive")
-    parser.add_argument("--frames", type=_frames, default=":", metavar="A:B", help="only these, as in Python's slices")
+    add_frames(parser, ":")
+
+
+def add_frames(parser: argparse.ArgumentParser, default: str | None) -> None:
+    """--frames A:B."""
+    help_text = "only these, as in Python's slices"
+    parser.add_argument("--frames", type=_frames, default=default, metavar="A:B", help=help_text)
 
 
 def as_slice(text: str) -> slice:

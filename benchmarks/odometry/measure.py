@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 
@@ -53,7 +53,7 @@ def front_end(dataset: Dataset, frames: Sequence[Frame], channels: str) -> list[
     return [(rings(frame, ()), frame.stamp) for frame in frames]
 
 
-def alternate(systems: Mapping[str, System], scans: Sequence[Scan]) -> dict[str, Run]:
+def alternate(systems: Mapping[str, System], scans: Iterable[Scan]) -> dict[str, Run]:
     """Scan i goes to each system in turn before scan i + 1 does; who begins changes from scan to scan."""
     names, runs = list(systems), {name: Run() for name in systems}
     for i, scan in enumerate(scans):

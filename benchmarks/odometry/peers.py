@@ -7,6 +7,7 @@ vertical correction. KISS-ICP's own deskewing is off for that reason.
 from __future__ import annotations
 
 from collections import deque
+from importlib.resources import as_file, files
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,23 @@ class Kiss(Peer):
     def align(self, xyz: Array, guess: Array) -> Array:
         del guess  # it predicts by itself, in the same way
         self.system.register_frame(xyz, np.zeros(len(xyz)))
+        return self.system.last_pose.copy()
+
+
+class GenZ(Peer):
+    """GenZ-ICP (Lee et al., RA-L 2025), one of its wheel's configurations; it has no switch for threads."""
+
+    def __init__(self, vertical_correction: float, threads: int = 1, *, configuration: str) -> None:
+        super().__init__(vertical_correction, threads)
+        from genz_icp.config import load_config
+        from genz_icp.genz_icp import GenZICP
+
+        with as_file(files("genz_icp.config") / "pretuned" / f"{configuration}.yaml") as path:
+            self.system = GenZICP(load_config(path))
+
+    def align(self, xyz: Array, guess: Array) -> Array:
+        del guess  # it predicts by itself, in the same way
+        self.system.register_frame(xyz, None)
         return self.system.last_pose.copy()
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Protocol
 
-from benchmarks.odometry.names import OURS
+from benchmarks.odometry.names import GENZ, OURS
 from slam.config import load_config
 from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset
@@ -44,8 +46,14 @@ class Theirs:
     def __init__(self, name: str, dataset: Dataset) -> None:
         from benchmarks.odometry import peers  # here: the memory of ours is measured without them
 
-        kinds = {"kiss-icp": peers.Kiss, "vgicp": peers.VoxelizedGicp, "gicp": peers.Gicp}
-        self._peer = kinds.get(name, peers.PointToPlane)(vertical_correction(dataset), threads=1)
+        kinds: dict[str, Callable[..., peers.Peer]] = {
+            "kiss-icp": peers.Kiss,
+            "vgicp": peers.VoxelizedGicp,
+            "gicp": peers.Gicp,
+            "point-to-plane": peers.PointToPlane,
+            **{each: partial(peers.GenZ, configuration=configuration) for each, configuration in GENZ.items()},
+        }
+        self._peer = kinds[name](vertical_correction(dataset), threads=1)
 
     def register(self, cloud: PointCloud, stamp: float) -> Array:
         del stamp  # the peers take scans to be evenly spaced

@@ -1,0 +1,65 @@
+"""Simulated drives, kept in the user's cache."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from slam.data.dataset import Dataset, open_dataset
+from slam.data.errors import InputError
+from slam.data.machine import cache_folder
+from slam.simulation.simulation import Simulation, SimulationConfig
+
+CACHE = cache_folder("benchmarks")
+TOWNS = ("loop", "jam", "straight")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A simulated drive and which of its frames are driven, None: all. Images are added by those who need them."""
+
+    settings: SimulationConfig
+    frames: slice | None = None
+
+
+#: By the names that command lines and pages have.
+SCENES = {
+    "loop": Scene(SimulationConfig("loop", camera=False)),
+    "straight": Scene(SimulationConfig("straight", camera=False)),
+    "jam": Scene(SimulationConfig("jam", camera=False)),
+    "tunnel": Scene(SimulationConfig("tunnel", camera=False)),
+    "tunnel-vlp16": Scene(SimulationConfig("tunnel", sensor="vlp16", camera=False)),
+}
+
+
+def simulated(name: str, settings: SimulationConfig, frames: Iterable[int] | None = None) -> Dataset:
+    """The drive in the cache's folder `name`, all of it or at least these frames, simulated where they are missing."""
+    simulation, folder = Simulation(settings), CACHE / name
+    print(f"{name}: a drive of {len(simulation)} frames in {folder}", file=sys.stderr)
+    numbers = range(len(simulation)) if frames is None else list(frames)
+    from_start = list(numbers) == list(range(len(numbers)))
+    simulation.write(folder, frames=len(numbers) if from_start else 0)  # several processes
+    missing = set(simulation.missing(folder))
+    for number in numbers:
+        if number in missing:
+            simulation.write_frame(folder, number)
+    return open_dataset(folder)
+
+
+def scene(name: str, camera: bool = False, frames: Iterable[int] | None = None) -> Dataset:
+    """One of SCENES, all of it or at least these frames; the scans are the same with a camera. Raises InputError."""
+    folder = f"{name}-{'camera' if camera else 'every-frame'}"
+    return simulated(folder, replace(_of(name).settings, camera=camera), frames)
+
+
+def frame_numbers(name: str, frames: slice | None = None) -> range:
+    """The numbers of a scene's frames that `frames` chooses, by default its own."""
+    chosen = _of(name)
+    return range(len(Simulation(chosen.settings)))[frames or chosen.frames or slice(None)]
+
+
+def _of(name: str) -> Scene:
+    if name not in SCENES:
+        raise InputError(f"{name}: no such simulated drive; there are {', '.join(SCENES)}")
+    return SCENES[name]

@@ -1,0 +1,185 @@
+"""The page scenes.md, made of the figures in the JSON file and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from benchmarks.common.page import table, without_about
+from benchmarks.odometry.names import OURS, REFERENCE
+from eval.text import number
+
+Results = dict[str, Any]  # [drive][input] -> {"reason", "front_end_ms", "systems": {system: figures}}
+
+DEFAULT = next(iter(OURS))
+OFF = 0.05  # of the true path: so much longer or shorter, or so far from its end, and the position is wrong
+HEADER = (
+    "input", "system", "ATE m", "along m", "path m", "path %", "worst frame m", "at", "lost", "median ms",
+    "x KISS-ICP",
+)  # fmt: skip
+
+PROTOCOL = """\
+* Inputs: `full` as recorded; `16` sixteen rings evenly from the top one on (of 64 every 4th, of 128 every 8th; a sensor
+  that has no more has only `full`); a method's name where it fills these in up to 64, shown the past as our odometry
+  places it. All systems get the same clouds, deskewed each by its own constant-velocity prediction with the same kernel
+  where points have times, and with the sensor's vertical correction. Points that are filled in have a sigma, which ours
+  alone reads.
+* `ndt` is lidarlift's odometry with the configuration that it takes by itself for the input, `ndt-scan-to-scan` with
+  the preset; no loops. The others have their authors' settings (benchmarks/odometry/peers.py). GenZ-ICP's wheel has
+  several: `genz-icp` is outdoor.yaml, `genz-icp-indoor` indoor.yaml, which is what it takes when nothing is asked for.
+* ATE: rmse of positions after SE(3) alignment. Along: how far ahead of the truth the last position lies, behind it
+  where negative, along the true direction of travel there, the first poses put onto each other. Path: its length, and
+  by how much it is longer than the true one. Worst frame: the largest translation error of the motion from one frame to
+  the next, and the number of the later one. KITTI's truth is off by more than the odometry but on 04.
+* Lost: frames where ours kept the prediction and says so; the peers do not say.
+* Scan by scan the systems take turns in one process, pinned to one core, one thread each; who begins changes from scan
+  to scan. Time is from point cloud to pose, compilation is over and the first {uncounted} frames do not count.
+  "x KISS-ICP" is KISS-ICP's median by the system's: above 1 is faster. The machine is shared, so that only ratios
+  count.
+"""
+
+
+def page(found: Mapping[str, Any]) -> str:
+    """`found` is the JSON file: the drives by name, and "about"."""
+    about, results = found["about"], without_about(found)
+    versions = ", ".join(f"{name} {text}" for name, text in about["versions"].items())
+    parts = [
+        "# Odometry by scenes\n",
+        f"{about['date']}, {about['cpu']}, {about['cores']} cores, {about['memory_gib']} GiB; {versions}.\n",
+        f"```\n{about['command']}\n```\n",
+        PROTOCOL.format(**about),
+        "## Who is nearest to the truth\n",
+        table(("drive", "input", "nearest", "ATE m", f"{DEFAULT} m", "times", "rank"), _ranks(results), words=3),
+        "## Where we lose\n",
+        bullets(where_we_lose(results)),
+        "## Wrong without knowing\n",
+        f"Our path, or where it ends, is off by more than {OFF:.0%} of the way, and only lost frames would say so.\n",
+        bullets(wrong_without_knowing(results, about["datasets"])),
+    ]
+    for name, drive in results.items():
+        parts += [f"## {name}\n", _caption(about["datasets"][name], drive), _table(about["datasets"][name], drive)]
+        parts += _errors(drive)
+    return "\n".join(parts)
+
+
+def ranking(systems: Mapping[str, Any]) -> list[tuple[str, float]]:
+    """Systems and their ATE [m], least first; those without are not in it."""
+    known = [(name, entry["ate_m"]) for name, entry in systems.items() if entry.get("ate_m") is not None]
+    return sorted(known, key=lambda each: each[1])
+
+
+def where_we_lose(results: Results) -> list[str]:
+    """What others do better, drive by drive and input by input: a lower ATE than our default's, or less time."""
+    lines = []
+    for drive, name, systems in _measured(results):
+        ours = systems[DEFAULT]
+        if ours["error"]:
+            lines.append(f"{drive}, {name}: {DEFAULT} did not come through.")
+            continue
+        better = [(other, ate) for other, ate in ranking(systems) if other not in OURS and ate < ours["ate_m"]]
+        if better:
+            others = ", ".join(f"{other} {number(ate, 3)}" for other, ate in better)
+            lines.append(f"{drive}, {name}: ATE {number(ours['ate_m'], 3)} m; {others}.")
+        faster = ours["ratio_to_kiss"]
+        if faster is not None and faster < 1:
+            lines.append(f"{drive}, {name}: {number(1 / faster, 2)} times the time of {REFERENCE}.")
+    return lines
+
+
+def wrong_without_knowing(results: Results, facts: Mapping[str, Any]) -> list[str]:
+    """Where the path of one of ours, or its end along the way, is off by more than OFF, and how many of its frames it
+    called registered."""
+    lines = []
+    for drive, name, systems in _measured(results):
+        true = facts[drive]["truth_path_length_m"]
+        for ours in OURS:
+            length, along = (systems[ours].get(figure) for figure in ("path_length_m", "along_track_m"))
+            if not true or length is None:
+                continue
+            if max(abs(length - true), abs(along or 0.0)) > OFF * true:
+                frames = facts[drive]["frames"]
+                said = frames - systems[ours]["failed_frames"]
+                lines.append(
+                    f"{drive}, {name}, {ours}: {number(length, 1)} m for {number(true, 1)}, "
+                    f"{_signed(along, 1)} m at the end; {said} of {frames} frames called registered."
+                )
+    return lines
+
+
+def bullets(lines: list[str]) -> str:
+    return "".join(f"* {line}\n" for line in lines) or "Nowhere.\n"
+
+
+def _measured(results: Results) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """Drive, input and figures by system, of those inputs that the drive has."""
+    for drive, by_input in results.items():
+        for name, entry in by_input.items():
+            if entry["reason"] is None:
+                yield drive, name, entry["systems"]
+
+
+def _ranks(results: Results) -> Iterator[tuple[str, ...]]:
+    """Our rank is that among the peers: our other presets do not count."""
+    for drive, name, systems in _measured(results):
+        order = ranking({other: entry for other, entry in systems.items() if other == DEFAULT or other not in OURS})
+        if order:
+            best, ate = order[0]
+            ours = dict(order).get(DEFAULT)
+            rank = f"{[other for other, _ in order].index(DEFAULT) + 1} of {len(order)}" if ours is not None else "-"
+            times = number(ours / ate, 2) if ours is not None and ate > 0 else "-"
+            yield drive, name, best, number(ate, 3), number(ours, 3), times, rank
+
+
+def _caption(facts: Mapping[str, Any], drive: Mapping[str, Any]) -> str:
+    text = f"{facts['frames']} frames, {facts['first']} to {facts['last']}"
+    text += f"; {facts['sensor']}, {facts['rings']} rings" if facts["rings"] else "; rings unknown"
+    if facts["truth_path_length_m"] is not None:
+        text += f"; {facts['truth_path_length_m']:.1f} m by the ground truth"
+    took = [(name, entry["front_end_ms"]) for name, entry in drive.items() if entry.get("front_end_ms") is not None]
+    if took:
+        text += "; filling in takes " + ", ".join(f"{number(each, 0)} ms ({name})" for name, each in took)
+    return text + ".\n"
+
+
+def _table(facts: Mapping[str, Any], drive: Mapping[str, Any]) -> str:
+    rows: list[tuple[str, ...]] = []
+    for name, entry in drive.items():
+        if entry["reason"] is not None:
+            rows.append((name, f"- ({entry['reason']})", *["-"] * (len(HEADER) - 2)))
+        else:
+            rows += [_row(name, system, found, facts) for system, found in entry["systems"].items()]
+    return table(HEADER, rows, words=2)
+
+
+def _row(name: str, system: str, found: Mapping[str, Any], facts: Mapping[str, Any]) -> tuple[str, ...]:
+    if found["error"]:
+        return (name, system, "failed", *["-"] * (len(HEADER) - 3))
+    true = facts["truth_path_length_m"]
+    return (
+        name,
+        system,
+        number(found["ate_m"], 3),
+        _signed(found["along_track_m"], 3),
+        number(found["path_length_m"], 1),
+        _signed(100 * (found["path_length_m"] / true - 1) if true else None, 1),
+        number(found["worst_m"], 3),
+        number(found["worst_frame"], 0),
+        number(found["failed_frames"], 0),
+        number(found["median_ms"], 1),
+        number(found["ratio_to_kiss"], 2),
+    )
+
+
+def _signed(value: float | None, decimals: int) -> str:
+    return "-" if value is None else f"{value:+.{decimals}f}"
+
+
+def _errors(drive: Mapping[str, Any]) -> list[str]:
+    """A line for each system that did not come through."""
+    return [
+        f"`{system}` failed on {name}: {found['error']}\n"
+        for name, entry in drive.items()
+        if entry["reason"] is None
+        for system, found in entry["systems"].items()
+        if found["error"]
+    ]
