@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from slam.data.dataset import Dataset, open_dataset
 from slam.data.errors import InputError
@@ -17,10 +18,19 @@ TOWNS = ("loop", "jam", "straight")
 
 @dataclass(frozen=True)
 class Scene:
-    """A simulated drive and which of its frames are driven, None: all. Images are added by those who need them."""
+    """A simulated drive and which of its frames are driven, None: all. Images are added by those who need them.
+
+    Drives with an hdl64 are motion-compensated, as KITTI's odometry benchmark is, the others as recorded. Where lasers
+    look aside (OS1, VLP-32C), points have times of their own in a folder; KITTI's files have none.
+    """
 
     settings: SimulationConfig
     frames: slice | None = None
+
+
+def _by(drive: str, sensor: str, **settings: Any) -> SimulationConfig:
+    """The drive as that LiDAR records it while it moves."""
+    return SimulationConfig(drive, sensor=sensor, distort=True, camera=False, **settings)
 
 
 #: By the names that command lines and pages have.
@@ -28,7 +38,19 @@ SCENES = {
     "loop": Scene(SimulationConfig("loop", camera=False)),
     "straight": Scene(SimulationConfig("straight", camera=False)),
     "jam": Scene(SimulationConfig("jam", camera=False)),
+    "crawl": Scene(SimulationConfig("crawl", camera=False)),
+    "motorway": Scene(SimulationConfig("motorway", camera=False)),
+    "bridge": Scene(SimulationConfig("bridge", camera=False)),
     "tunnel": Scene(SimulationConfig("tunnel", camera=False)),
+    "lorries": Scene(SimulationConfig("lorries", camera=False)),
+    "traffic": Scene(SimulationConfig("traffic", camera=False)),
+    "lorries-vls128": Scene(_by("lorries", "vls128", format="folder")),
+    "building-vlp16": Scene(_by("building", "vlp16")),
+    "building-os1-64": Scene(_by("building", "os1-64", format="folder")),
+    "straight-vlp16": Scene(_by("straight", "vlp16")),
+    "straight-vlp16-20hz": Scene(_by("straight", "vlp16", rate=20.0)),
+    "straight-vlp32c": Scene(_by("straight", "vlp32c", format="folder")),
+    "straight-os1-128": Scene(_by("straight", "os1-128", format="folder")),
     "tunnel-vlp16": Scene(SimulationConfig("tunnel", sensor="vlp16", camera=False)),
 }
 

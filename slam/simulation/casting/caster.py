@@ -39,7 +39,7 @@ class RayCaster:
         Returns reach (N,) float32 in units of the direction, triangle (N,) int32, and normal (N, 3) float32 of unit
         length; inf, -1 and zero where a ray meets nothing.
         """
-        together, apart, work = _memory()
+        together, _, apart, work = _memory()
         reach, triangle, normal = kernels.cast(
             np.atleast_2d(origin), direction, order, self._centre, self._addresses, self._firsts, work,
             ctypes.addressof(together), ctypes.addressof(apart),
@@ -48,11 +48,13 @@ class RayCaster:
 
     def hidden(self, origin: Array, direction: Array) -> Array:
         """(N,) bool: whether anything stands in a ray's way, at whatever distance."""
-        together, _, work = _memory()
-        arguments = ctypes.addressof(together)
+        _, together, apart, work = _memory()
         return np.asarray(
-            kernels.hidden(np.atleast_2d(origin), direction, self._centre, self._addresses, work, arguments)
-        )
+            kernels.hidden(
+                np.atleast_2d(origin), direction, self._centre, self._addresses, work, ctypes.addressof(together),
+                ctypes.addressof(apart),
+            )
+        )  # fmt: skip
 
 
 class _Arguments(ctypes.Structure):
@@ -69,14 +71,16 @@ class _Arguments(ctypes.Structure):
 
 
 @lru_cache(maxsize=1)
-def _memory() -> tuple[_Arguments, _Arguments, Array]:
-    """Arguments for packets and for single rays, and the kernels' working memory."""
+def _memory() -> tuple[_Arguments, _Arguments, _Arguments, Array]:
+    """Arguments for packets that look for the nearest hit, for those that look for any, and for single rays; and the
+    kernels' working memory."""
     shape = (3, kernels.ROWS, kernels.LANES)
     raw = np.zeros(4 * int(np.prod(shape)) + ALIGNMENT, np.uint8)
     start = -raw.ctypes.data % ALIGNMENT
     work = raw[start : start + 4 * int(np.prod(shape))].view(np.float32).reshape(shape)
     return (
         _Arguments(FILTER | COHERENT, ALL_FEATURES, filter=kernels.note_ties.address),
+        _Arguments(FILTER | COHERENT, ALL_FEATURES, filter=kernels.note_edges.address),
         _Arguments(0, ALL_FEATURES),
         work,
     )

@@ -2,9 +2,9 @@
 cache does not see a change in another.
 
 A packet is a structure of arrays of LANES 32-bit numbers each, in the order of Embree's RTCRayHit8: `_OX` .. name the
-rows. Triangles that lie in one plane and overlap, or share an edge, can be equally far to the last bit; which of them
-is found then depends on the order in which Embree looks at them, and that on the rays of the packet. Such rays are
-cast again, each alone, so that what a ray meets never depends on its neighbours.
+rows. Triangles that lie in one plane and overlap can be equally far to the last bit, and a ray can pass so near to a
+triangle's edge that it depends on rounding whether Embree looks at it; what is found then depends on the other rays of
+the packet. Such rays are cast again, each alone, so that what a ray meets does not depend on its neighbours.
 """
 
 import math
@@ -16,33 +16,56 @@ from slam.simulation.casting.embree import load
 
 LANES = 8
 _OX, _NEAR, _DX, _BEST, _FAR, _MASK, _TIED, _FLAGS = 0, 3, 4, 7, 8, 9, 10, 11  # of RTCRay8; time and id are ours to use
-_NX, _TRIANGLE, _GEOMETRY, _INSTANCE = 12, 17, 18, 19  # of RTCHit8
+_NX, _U, _V, _TRIANGLE, _GEOMETRY, _INSTANCE = 12, 15, 16, 17, 18, 19  # of RTCHit8
 ROWS = 24  # with room for what some builds of Embree append
 _NOTHING = np.uint32(0xFFFFFFFF)
-TIE = np.float32(1e-6)  # relative: some four steps of a float32
+#: Hits this near to each other, of their distance and beside [in units of the direction], are a tie: the rounding of
+#: distances, and that of coordinates some hundred metres from the origin.
+TIE, CLOSE = np.float32(1e-5), np.float32(2e-5)
+EDGE = np.float32(1e-3)  # of a triangle's height: nearer to an edge, rounding decides
 
 load()  # before anything compiled is loaded from the cache: it refers to these functions by name
 _intersect8, _occluded8 = (
     types.ExternalFunction(name, types.void(types.intp, types.intp, types.intp, types.intp))
     for name in ("rtcIntersect8", "rtcOccluded8")
 )
-_intersect1 = types.ExternalFunction("rtcIntersect1", types.void(types.intp, types.intp, types.intp))
+_intersect1, _occluded1 = (
+    types.ExternalFunction(name, types.void(types.intp, types.intp, types.intp))
+    for name in ("rtcIntersect1", "rtcOccluded1")
+)
+
+
+@njit(inline="always")
+def _inside(u, v):
+    """Whether a place in a triangle, in barycentric coordinates, is not near an edge."""
+    return u > EDGE and v > EDGE and u + v < np.float32(1) - EDGE
+
+
+@cfunc(types.void(types.CPointer(types.voidptr)), cache=True)
+def note_edges(arguments):
+    """Embree's filter where a ray asks only if anything is in its way: hits near an edge are noted and do not count."""
+    valid = carray(arguments[0], LANES, np.int32)
+    tied = carray(arguments[3], (_FLAGS + 1, LANES), np.uint32)[_TIED]
+    hit = carray(arguments[4], (_V - _NX + 1, LANES), np.float32)
+    for lane in range(LANES):
+        if valid[lane] and not _inside(hit[_U - _NX, lane], hit[_V - _NX, lane]):
+            tied[lane], valid[lane] = 1, 0
 
 
 @cfunc(types.void(types.CPointer(types.voidptr)), cache=True)
 def note_ties(arguments):
-    """Embree's filter: notes the nearest hit of each ray and whether another is as near. Hits a little farther than the
-    nearest go on being offered."""
+    """Embree's filter where a ray asks for the nearest: notes how far that is, and whether another is as near. Hits a
+    little farther than the nearest go on being offered."""
     valid = carray(arguments[0], LANES, np.int32)
     ray = carray(arguments[3], (_FLAGS + 1, LANES), np.float32)
     tied = carray(arguments[3], (_FLAGS + 1, LANES), np.uint32)[_TIED]
     for lane in range(LANES):
         if valid[lane]:
             reach, best = ray[_FAR, lane], ray[_BEST, lane]
-            if abs(reach - best) <= TIE * reach:
+            if best - reach <= TIE * reach + CLOSE:  # nearer by next to nothing, or farther
                 tied[lane] = 1
             ray[_BEST, lane] = min(best, reach)
-            ray[_FAR, lane] = ray[_BEST, lane] * (np.float32(1) + TIE)
+            ray[_FAR, lane] = ray[_BEST, lane] * (np.float32(1) + TIE) + CLOSE
 
 
 @njit(inline="always")
@@ -77,8 +100,8 @@ def _reset(packet, bits):
 
 
 @njit(inline="always")
-def _alone(packet, bits, lane, single, single_bits, scene, arguments):
-    """One ray of a packet cast again, without its neighbours."""
+def _taken_out(packet, lane, single, single_bits):
+    """One ray of a packet on its own."""
     for axis in range(3):
         single[_OX + axis] = packet[_OX + axis, lane]
         single[_DX + axis] = packet[_DX + axis, lane]
@@ -88,11 +111,6 @@ def _alone(packet, bits, lane, single, single_bits, scene, arguments):
     single_bits[_FLAGS] = 0
     for row in (_TRIANGLE, _GEOMETRY, _INSTANCE):
         single_bits[row] = _NOTHING
-    _intersect1(scene, single.ctypes.data, arguments)
-    packet[_BEST, lane] = single[_FAR]
-    for axis in range(3):
-        packet[_NX + axis, lane] = single[_NX + axis]
-    bits[_TRIANGLE, lane] = single_bits[_TRIANGLE]
 
 
 @njit(inline="always")
@@ -101,8 +119,13 @@ def _cast_packet(packet, bits, lanes, single, single_bits, scene, together, apar
     _reset(packet, bits)
     _intersect8(lanes.ctypes.data, scene, packet.ctypes.data, together)
     for lane in range(LANES):
-        if lanes[lane] and bits[_TIED, lane] == 1:
-            _alone(packet, bits, lane, single, single_bits, scene, apart)
+        sure = bits[_TIED, lane] == 0 and _inside(packet[_U, lane], packet[_V, lane])
+        if lanes[lane] and bits[_TRIANGLE, lane] != _NOTHING and not sure:
+            _taken_out(packet, lane, single, single_bits)
+            _intersect1(scene, single.ctypes.data, apart)
+            packet[_BEST, lane], bits[_TRIANGLE, lane] = single[_FAR], single_bits[_TRIANGLE]
+            for axis in range(3):
+                packet[_NX + axis, lane] = single[_NX + axis]
 
 
 @njit(inline="always")
@@ -145,18 +168,23 @@ def cast(origin, direction, order, centre, scenes, firsts, work, together, apart
 
 
 @njit(cache=True, nogil=True)
-def hidden(origin, direction, centre, scenes, work, arguments):
+def hidden(origin, direction, centre, scenes, work, together, apart):
     """(N,) bool: whether anything stands in a ray's way, at whatever distance; as `cast`."""
     count = len(direction)
     found = np.zeros(count, np.bool_)
-    packet, lanes, number = work[0], work[2, 0].view(np.int32), work[2, 1].view(np.int32)
-    bits = packet.view(np.uint32)
+    packet, single = work[0], work[1].ravel()
+    lanes, number = work[2, 0].view(np.int32), work[2, 1].view(np.int32)
+    bits, single_bits = packet.view(np.uint32), single.view(np.uint32)
     for at in range(0, count, LANES):
         _load(packet, lanes, number, at, origin, direction, centre, number[:0])
         for scene in scenes:
             _reset(packet, bits)
-            _occluded8(lanes.ctypes.data, scene, packet.ctypes.data, arguments)
+            _occluded8(lanes.ctypes.data, scene, packet.ctypes.data, together)
             for lane in range(LANES):
+                if lanes[lane] and packet[_FAR, lane] > 0 and bits[_TIED, lane] == 1:
+                    _taken_out(packet, lane, single, single_bits)
+                    _occluded1(scene, single.ctypes.data, apart)
+                    packet[_FAR, lane] = single[_FAR]
                 if lanes[lane] and packet[_FAR, lane] < 0:
                     found[at + lane], lanes[lane] = True, 0
     return found
