@@ -42,7 +42,7 @@ ROWS = (
     Row("building", "vlp16", 160, 0.06),
 )
 WIDTH, HEIGHT, GAP = 620, 187, 6  # pixels of a panel, and between panels
-FARTHEST, SCANS = 60.0, 40  # m of the range image's colours; scans of a map
+COLUMNS, FARTHEST, SCANS = 1024, 60.0, 40  # of a range image, and m of its colours; scans of a map
 
 
 def main() -> None:
@@ -64,19 +64,20 @@ def panels(row: Row) -> tuple[Array, Array, Array]:
     assert frame.image is not None
     still = Simulation(SimulationConfig(row.drive, sensor=row.sensor, camera=False)).rig
     numbers = np.unique(np.linspace(0, len(still.poses) - 1, SCANS).astype(int))
-    placed = [
-        still.frame(number).scan.xyz @ still.poses[number, :3, :3].T + still.poses[number, :3, 3] for number in numbers
-    ]
-    rings, columns = rig.lidar.sensor.ring_count, 1024
-    return frame.image, range_image(frame.scan, rings, columns), map_image(np.concatenate(placed), row.pixel)
+    placed = []
+    for number in numbers:
+        rotation, position = still.poses[number, :3, :3], still.poses[number, :3, 3]
+        placed.append(still.frame(number).scan.xyz @ rotation.T + position)
+    rings = rig.lidar.sensor.ring_count
+    return frame.image, range_image(frame.scan, rings), map_image(np.concatenate(placed), row.pixel)
 
 
-def range_image(scan: Scan, rings: int, columns: int) -> Array:
-    """Ranges by ring and azimuth, to the left of the picture what is to the rear left; black where nothing came back."""
+def range_image(scan: Scan, rings: int) -> Array:
+    """Ranges by ring and azimuth, ahead in the middle, the rear at both ends; black where nothing came back."""
     reach = np.linalg.norm(scan.xyz, axis=1)
     azimuth = np.arctan2(scan.xyz[:, 1], scan.xyz[:, 0])
-    column = ((0.5 - azimuth / (2 * np.pi)) * columns).astype(int) % columns
-    image = np.zeros((rings, columns, 3))
+    column = ((0.5 - azimuth / (2 * np.pi)) * COLUMNS).astype(int) % COLUMNS
+    image = np.zeros((rings, COLUMNS, 3))
     image[scan.ring, column] = matplotlib.colormaps["turbo"](1 - np.minimum(reach / FARTHEST, 1) ** 0.5)[:, :3]
     tall = np.repeat(image, max(round(HEIGHT / rings), 1), axis=0)
     return np.asarray(np.round(255 * tall), np.uint8)
