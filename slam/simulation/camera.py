@@ -188,8 +188,10 @@ def _open_sky(world: World, seen: Seen, farthest: float) -> tuple[Array, Array]:
     cells, start, direction = kernels.sky_rays(*seen, CAMERA.width, _SKY_STEP)
     openness = np.zeros(rows * columns, np.float32)
     if len(cells):
-        endless = np.isinf(farthest)
-        hidden = world.hidden(start, direction) if endless else world.cast(start, direction).reach < farthest
+        if np.isinf(farthest):
+            hidden = world.hidden(start, direction, alike=False)
+        else:
+            hidden = world.cast(start, direction).reach < farthest
         openness += np.bincount(cells, ~hidden, rows * columns) / 4
     _, reach, triangle, normal, _ = seen
     return shading.smooth_cells(openness.reshape(rows, columns), reach, triangle, normal, CAMERA.width, _SKY_STEP)
@@ -199,4 +201,5 @@ def _developed(light: Array, look: Look, rng: Generator) -> Array:
     """The sensor's picture (H, W, 3) uint8; the lens is a little soft."""
     grain = int(rng.integers(1 << 62))
     image = shading.develop(light, CAMERA.width, look.exposure, _NOISE, grain, _tone_curve())
-    return cv2.GaussianBlur(image.reshape(CAMERA.height, CAMERA.width, 3), (3, 3), 0.7)
+    soft = cv2.GaussianBlur(image.reshape(CAMERA.height, CAMERA.width, 3), (3, 3), 0.7)
+    return soft[..., ::-1]  # a view: it is written blue first

@@ -35,6 +35,15 @@ def turned(rays, R):
 
 
 @njit(cache=True, nogil=True)
+def incidence(rays, normal):
+    """(N,) float32: the cosine of the angle between rays and normals (N, 3) of unit length, on whichever side."""
+    out = np.empty(len(rays), np.float32)
+    for i in range(len(rays)):
+        out[i] = abs(rays[i, 0] * normal[i, 0] + rays[i, 1] * normal[i, 1] + rays[i, 2] * normal[i, 2])
+    return out
+
+
+@njit(cache=True, nogil=True)
 def face_camera(normal, rays):
     """Turns normals (N, 3), in place, to the side that rays (N, 3) come from."""
     for i in range(len(rays)):
@@ -97,25 +106,26 @@ def mirror_rays(rays, reach, triangle, normal, origin, order, material, gloss):
 
 @njit(cache=True, nogil=True)
 def sky_rays(rays, reach, triangle, normal, origin, width, step):
-    """Four rays towards the sky from every `step`-th pixel both ways: cells (M,) of that coarse grid, where the rays
-    start (M, 3) and whither (M, 3). Four neighbouring cells share out 16 directions over the hemisphere, as many
-    towards each part of it as light from there counts (by the cosine); all rays of one direction follow each other."""
+    """Four rays towards the sky from every `step`-th pixel both ways: cells (M,) of that coarse grid, four in a row the
+    same, where the rays start (M, 3) and whither (M, 3). Four neighbouring cells share out 16 directions over the
+    hemisphere, as many towards each part of it as light from there counts (by the cosine)."""
     rows, columns = len(rays) // width // step, width // step
     cells = np.empty(4 * rows * columns, np.int32)
     start, direction = np.empty((len(cells), 3)), np.empty((len(cells), 3), np.float32)
     count = 0
-    for k in range(16):
-        r = math.sqrt((k + 0.5) / 16.0)
-        up, along, across = math.sqrt(1.0 - r * r), r * math.cos(k * _GOLDEN), r * math.sin(k * _GOLDEN)
-        for row in range((k >> 1) & 1, rows, 2):
-            for column in range(k & 1, columns, 2):
-                i = (row * step + step // 2) * width + column * step + step // 2
-                if triangle[i] < 0:
-                    continue
-                nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-                sign = 1.0 if nz >= 0.0 else -1.0  # two axes across the normal: Duff et al., JCGT 6(1), 2017
-                a = -1.0 / (sign + nz)
-                b = nx * ny * a
+    for row in range(rows):
+        for column in range(columns):
+            i = (row * step + step // 2) * width + column * step + step // 2
+            if triangle[i] < 0:
+                continue
+            nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+            sign = 1.0 if nz >= 0.0 else -1.0  # two axes across the normal: Duff et al., JCGT 6(1), 2017
+            a = -1.0 / (sign + nz)
+            b = nx * ny * a
+            for ray in range(4):
+                k = 4 * ray + 2 * (row & 1) + (column & 1)
+                r = math.sqrt((k + 0.5) / 16.0)
+                up, along, across = math.sqrt(1.0 - r * r), r * math.cos(k * _GOLDEN), r * math.sin(k * _GOLDEN)
                 cells[count] = row * columns + column
                 start[count] = _lifted(i, rays, reach, normal, origin)
                 direction[count, 0] = up * nx + along * (1.0 + sign * nx * nx * a) + across * b

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam.data.cloud import Array
+from slam.simulation import kernels
 from slam.simulation.heads import Head, Lidar
 from slam.simulation.materials import MATERIALS
 from slam.simulation.sweep import Sweep
@@ -132,7 +133,7 @@ def _cast(world: World, lidar: Lidar, sweep: Sweep, phase: Array) -> _Pulses:
 
     start, way = sweep.in_world(origin, direction, fraction.ravel())
     hits = world.cast(start, way)
-    incidence = np.abs(np.einsum("ij,ij->i", way, hits.normal))
+    incidence = kernels.incidence(way, hits.normal)
     return _Pulses(
         azimuth,
         fraction,

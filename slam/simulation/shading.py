@@ -473,8 +473,8 @@ def shade(
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def develop(light, width, exposure, noise, grain, curve):
-    """Light (N, 3) -> image (N, 3) uint8: lens falloff, photon noise, then the tone curve, a table over the square root
-    of the exposed light from 0 to 2."""
+    """Light (N, 3) -> image (N, 3) uint8, blue first: lens falloff, photon noise, then the tone curve, a table over the
+    square root of the exposed light from 0 to 2."""
     rows, last = len(light) // width, len(curve) - 1
     image = np.empty((len(light), 3), np.uint8)
     for i in range(len(light)):
@@ -485,5 +485,5 @@ def develop(light, width, exposure, noise, grain, curve):
             h = _hash(np.int64(i) * _I ^ np.int64(channel) * _J ^ grain * _K)
             shot = ((h >> 24) & 0xFFFF) + ((h >> 44) & 0xFFFF) - 65535.0  # photon noise is even in the root
             at = int((math.sqrt(light[i, channel]) * falloff + noise / 65535.0 * shot) * 0.5 * last)
-            image[i, channel] = curve[min(max(at, 0), last)]
+            image[i, 2 - channel] = curve[min(max(at, 0), last)]
     return image

@@ -54,14 +54,17 @@ class Traffic:
     def at(self, frame: int) -> list[Mesh]:
         """All that moves within SIGHT of the car in that frame."""
         here = self.drive.position[frame, :2]
-        parts = []
-        for mover, places in zip(self.movers, self.places, strict=True):
-            if np.linalg.norm(places[frame] - here) < SIGHT:  # never so for NaN
-                yaw = self._course.heading(mover.way[frame]) + np.pi * mover.reverse
-                at = places[frame : frame + 1]
-                (pose,) = self._course.terrain.poses(at, np.array([yaw]), 0.0, np.zeros((1, 3)))
-                parts.append(mover.mesh.moved(pose))
-        return parts
+        near = [
+            (mover, places[frame])
+            for mover, places in zip(self.movers, self.places, strict=True)
+            if np.linalg.norm(places[frame] - here) < SIGHT  # never so for NaN
+        ]
+        if not near:
+            return []
+        yaw = [self._course.heading(mover.way[frame]) + np.pi * mover.reverse for mover, _ in near]
+        places = np.array([place for _, place in near])
+        poses = self._course.terrain.poses(places, np.array(yaw), 0.0, np.zeros((len(near), 3)))
+        return [mover.mesh.moved(pose) for (mover, _), pose in zip(near, poses, strict=True)]
 
     def free(self, mover: Mover, places: Array) -> bool:
         """Whether it keeps its distance in its lane, all the way; `places` (N, 2) are NaN where it is out of sight."""

@@ -57,9 +57,12 @@ class World:
         """
         return Hits(*self._rays.cast(origin, np.asarray(direction, np.float32), order))
 
-    def hidden(self, origin: Array, direction: Array) -> Array:
-        """(N,) bool: whether anything stands in a ray's way, at whatever distance."""
-        return self._rays.hidden(origin, np.asarray(direction, np.float32))
+    def hidden(self, origin: Array, direction: Array, alike: bool = True) -> Array:
+        """(N,) bool: whether anything stands in a ray's way, at whatever distance.
+
+        `alike`: rays that follow each other go nearly the same way.
+        """
+        return self._rays.hidden(origin, np.asarray(direction, np.float32), alike)
 
 
 def _scene(mesh: Mesh, centre: Array) -> TriangleScene:

@@ -46,9 +46,13 @@ class RayCaster:
         )  # fmt: skip
         return reach, triangle, normal
 
-    def hidden(self, origin: Array, direction: Array) -> Array:
-        """(N,) bool: whether anything stands in a ray's way, at whatever distance."""
+    def hidden(self, origin: Array, direction: Array, alike: bool = True) -> Array:
+        """(N,) bool: whether anything stands in a ray's way, at whatever distance.
+
+        It is quicker to say where rays that follow each other are not `alike`, and go all ways.
+        """
         _, together, apart, work = _memory()
+        together = together if alike else apart
         return np.asarray(
             kernels.hidden(
                 np.atleast_2d(origin), direction, self._centre, self._addresses, work, ctypes.addressof(together),
