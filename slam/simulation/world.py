@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam.data.cloud import Array
-from slam.simulation.casting.caster import AS_THEY_COME, RayCaster
-from slam.simulation.casting.embree import TriangleScene
+from slam.simulation.casting.choice import RayCaster, TriangleScene
 from slam.simulation.mesh import Mesh, joined
 
 
@@ -50,10 +49,10 @@ class World:
         self.material = np.concatenate([mesh.material for mesh in (standing.mesh, *moving)])
         self.colour = np.concatenate([mesh.colour for mesh in (standing.mesh, *moving)])
 
-    def cast(self, origin: Array, direction: Array, order: Array = AS_THEY_COME) -> Hits:
+    def cast(self, origin: Array, direction: Array, order: Array | None = None) -> Hits:
         """The first triangle that each ray meets: origin (3,) or (N, 3), direction (N, 3) of any length but zero.
 
-        `order` (N,) int32: in which rays are taken together.
+        `order` (N,) int32: in which rays are taken together, None: as they come.
         """
         return Hits(*self._rays.cast(origin, np.asarray(direction, np.float32), order))
 

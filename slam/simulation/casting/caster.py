@@ -30,7 +30,7 @@ class RayCaster:
         self._addresses = np.array([scene.address for scene in scenes], np.int64)
         self._firsts = np.cumsum([0, *(len(scene) for scene in scenes[:-1])]).astype(np.int32)
 
-    def cast(self, origin: Array, direction: Array, order: Array = AS_THEY_COME) -> tuple[Array, Array, Array]:
+    def cast(self, origin: Array, direction: Array, order: Array | None = None) -> tuple[Array, Array, Array]:
         """The first triangle that each ray meets: origin (3,) or (N, 3), direction (N, 3) float32.
 
         Rays are cast in packets of those that follow each other in `order` (N,) int32: it is quicker where these go
@@ -41,8 +41,8 @@ class RayCaster:
         """
         together, _, apart, work = _memory()
         reach, triangle, normal = kernels.cast(
-            np.atleast_2d(origin), direction, order, self._centre, self._addresses, self._firsts, work,
-            ctypes.addressof(together), ctypes.addressof(apart),
+            np.atleast_2d(origin), direction, AS_THEY_COME if order is None else order, self._centre, self._addresses,
+            self._firsts, work, ctypes.addressof(together), ctypes.addressof(apart),
         )  # fmt: skip
         return reach, triangle, normal
 

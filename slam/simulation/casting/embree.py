@@ -43,7 +43,7 @@ _FUNCTIONS = {
 
 
 def library() -> Path:
-    """Embree's shared library among the files of embreex. Raises InputError where it is not installed."""
+    """Embree's shared library among the files of embreex. Raises InputError where it is not there."""
     spec = find_spec("embreex")
     package = Path(spec.submodule_search_locations[0]) if spec and spec.submodule_search_locations else None
     if package is not None:
@@ -51,10 +51,7 @@ def library() -> Path:
             found = sorted(folder.glob("*embree4*"))
             if found:
                 return found[0]
-    raise InputError(
-        "the simulator needs the package embreex, of which this system has no wheel: pip install embreex "
-        "(Linux and Windows on x86-64, macOS)"
-    )
+    raise InputError("embreex has no Embree in it; repair it: pip install --force-reinstall embreex")
 
 
 class TriangleScene:

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 
 from slam.data.cloud import Array
 from slam.data.errors import InputError
-from slam.simulation.casting import embree
+from slam.simulation.casting import caster, embree, open3d_rays
 from slam.simulation.casting.caster import RayCaster
 from slam.simulation.casting.embree import TriangleScene
 
 EYE = np.array([0.0, 0.0, 1.0])
 
 
-def sheets(count: int, seed: int) -> TriangleScene:
+def sheets(count: int, seed: int) -> tuple[Array, Array]:
     """Triangles that overlap in one slanted plane: wherever a ray meets one of them, it meets others there."""
     rng = np.random.default_rng(seed)
     places = rng.uniform(-20, 20, (count, 3, 2))
     vertices = np.concatenate([places[..., :1], places[..., 1:], 5 + 0.3 * places[..., :1]], axis=-1)
-    return TriangleScene(vertices.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
+    return vertices.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
 
 
 def fan_of_rays(count: int) -> Array:
@@ -30,10 +31,10 @@ def fan_of_rays(count: int) -> Array:
 
 
 def test_rays_meet_alone_what_they_meet_beside_others() -> None:
-    caster, rays = RayCaster([sheets(60, 1)], np.zeros(3)), fan_of_rays(403)
-    together = caster.cast(EYE, rays)
-    alone = [caster.cast(EYE, ray[None]) for ray in rays]
-    shuffled = caster.cast(EYE, rays, np.random.default_rng(2).permutation(len(rays)).astype(np.int32))
+    casting, rays = RayCaster([TriangleScene(*sheets(60, 1))], np.zeros(3)), fan_of_rays(403)
+    together = casting.cast(EYE, rays)
+    alone = [casting.cast(EYE, ray[None]) for ray in rays]
+    shuffled = casting.cast(EYE, rays, np.random.default_rng(2).permutation(len(rays)).astype(np.int32))
     assert (together[1] >= 0).mean() > 0.9
     assert len(set(together[1])) > 10
     for field in range(3):
@@ -41,35 +42,51 @@ def test_rays_meet_alone_what_they_meet_beside_others() -> None:
         assert together[field].tobytes() == shuffled[field].tobytes()
 
 
-def test_the_nearest_of_several_scenes_is_met_and_triangles_are_numbered_through() -> None:
+@pytest.mark.parametrize("rays", [caster, open3d_rays])
+def test_the_nearest_of_several_scenes_is_met_and_triangles_are_numbered_through(rays: ModuleType) -> None:
     low, high = (np.array([(-9, -9, z), (9, -9, z), (0, 20, z)], float) for z in (3.0, 7.0))
     triangle = np.array([[0, 1, 2]])
     for scenes, met in (((low, high), 0), ((high, low), 1)):
-        caster = RayCaster([TriangleScene(vertices, triangle) for vertices in scenes], np.zeros(3))
-        reach, number, normal = caster.cast(EYE, np.array([(0, 0, 1), (0, 0, -1)], np.float32))
+        found = rays.RayCaster([rays.TriangleScene(vertices, triangle) for vertices in scenes], np.zeros(3))
+        reach, number, normal = found.cast(EYE, np.array([(0, 0, 1), (0, 0, -1)], np.float32))
         np.testing.assert_allclose(reach, [2, np.inf], rtol=1e-5)
         assert number.tolist() == [met, -1]
         np.testing.assert_allclose(np.abs(normal), [(0, 0, 1), (0, 0, 0)], atol=1e-6)
-        assert caster.hidden(EYE, np.array([(0, 0, 1), (0, 0, -1)], np.float32)).tolist() == [True, False]
+        assert found.hidden(EYE, np.array([(0, 0, 1), (0, 0, -1)], np.float32)).tolist() == [True, False]
 
 
-def test_a_scene_is_cast_around_its_centre() -> None:
+def test_open3d_meets_the_same() -> None:
+    vertices, triangles = sheets(60, 1)
+    vertices[:, 2] += np.repeat(0.05 * np.arange(60), 3)  # none equally far
+    found = [rays.RayCaster([rays.TriangleScene(vertices, triangles)], np.zeros(3)) for rays in (caster, open3d_rays)]
+    (reach, number, normal), other = (each.cast(EYE, fan_of_rays(400)) for each in found)
+    assert (number != other[1]).mean() < 0.01  # rays along an edge
+    same = number == other[1]
+    np.testing.assert_allclose(reach[same], other[0][same], rtol=1e-5)
+    np.testing.assert_allclose(normal[same], other[2][same], atol=1e-5)
+    hidden = [each.hidden(EYE, fan_of_rays(400)) for each in found]
+    assert (hidden[0] != hidden[1]).mean() < 0.01
+
+
+@pytest.mark.parametrize("rays", [caster, open3d_rays])
+def test_a_scene_is_cast_around_its_centre(rays: ModuleType) -> None:
     centre = np.array([4.0e5, 5.0e6, 100.0])  # as far as UTM is from its origin: float32 would be off by decimetres
     vertices = np.array([(-9, -9, 3), (9, -9, 3), (0, 20, 3.0)])
-    caster = RayCaster([TriangleScene(vertices, np.array([[0, 1, 2]]))], centre)
-    reach, _, _ = caster.cast(centre + EYE, np.array([(0, 0, 1)], np.float32))
+    found = rays.RayCaster([rays.TriangleScene(vertices, np.array([[0, 1, 2]]))], centre)
+    reach, _, _ = found.cast(centre + EYE, np.array([(0, 0, 1)], np.float32))
     np.testing.assert_allclose(reach, [2], atol=1e-5)
 
 
-def test_without_rays_nothing_is_met() -> None:
-    caster = RayCaster([sheets(3, 0)], np.zeros(3))
-    assert [len(found) for found in caster.cast(EYE, np.zeros((0, 3), np.float32))] == [0, 0, 0]
-    assert len(caster.hidden(EYE, np.zeros((0, 3), np.float32))) == 0
+@pytest.mark.parametrize("rays", [caster, open3d_rays])
+def test_without_rays_nothing_is_met(rays: ModuleType) -> None:
+    found = rays.RayCaster([rays.TriangleScene(*sheets(3, 0))], np.zeros(3))
+    assert [len(part) for part in found.cast(EYE, np.zeros((0, 3), np.float32))] == [0, 0, 0]
+    assert len(found.hidden(EYE, np.zeros((0, 3), np.float32))) == 0
 
 
-def test_where_embree_is_missing_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_embree_is_missing_the_error_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(embree, "find_spec", lambda _: None)
-    with pytest.raises(InputError, match="pip install embreex"):
+    with pytest.raises(InputError, match="pip install --force-reinstall embreex"):
         embree.library()
 
 

@@ -1,0 +1,13 @@
+"""The ray caster that this system has."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+if find_spec("embreex") is not None:
+    from slam.simulation.casting.caster import RayCaster
+    from slam.simulation.casting.embree import TriangleScene
+else:
+    from slam.simulation.casting.open3d_rays import RayCaster, TriangleScene  # type: ignore[assignment]
+
+__all__ = ["RayCaster", "TriangleScene"]
