@@ -1,4 +1,4 @@
-"""`lidarlift simulate`: a drive through a town that is made up, its truth known."""
+"""`lidarlift simulate`: a drive or a walk through a scene that is made up, its truth known."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def simulate(
         Stamp, typer.Option(help="The instant of a sweep that its stamp and true pose are of, in a folder.")
     ] = Stamp.MIDDLE,
 ) -> None:
-    """Simulate a drive through a town: scans, images, calibration and the true poses. An interrupted one is resumed.
+    """Simulate a drive or a walk: scans, images, calibration and the true poses. An interrupted one is resumed.
 
     Example: `lidarlift simulate town --drive loop --frames 200`
     """
