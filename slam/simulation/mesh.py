@@ -13,6 +13,8 @@ from slam.simulation.materials import COLOURS, INDEX
 
 Colour = tuple[int, int, int]
 
+_HALVES = np.array([[0, 1, 2], [0, 2, 3]], np.int32)  # corners of the two triangles of a quadrilateral
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -38,7 +40,7 @@ class Mesh:
             np.asarray(vertices, np.float64).reshape(-1, 3),
             triangles,
             np.full(len(triangles), INDEX[material], np.uint8),
-            np.tile(own, (len(triangles), 1)),
+            np.repeat(own[None], len(triangles), axis=0),
         )
 
     def __len__(self) -> int:
@@ -83,7 +85,7 @@ def quads(corners: Array, material: str, colour: Colour | None = None) -> Mesh:
     """Flat or nearly flat quadrilaterals from their corners (N, 4, 3), in order around each."""
     corners = np.asarray(corners, np.float64).reshape(-1, 4, 3)
     first = 4 * np.arange(len(corners), dtype=np.int32)[:, None, None]
-    return Mesh.of(corners, first + np.array([[0, 1, 2], [0, 2, 3]], np.int32), material, colour)
+    return Mesh.of(corners, first + _HALVES, material, colour)
 
 
 def grid(points: Array, material: str, colour: Colour | None = None) -> Mesh:

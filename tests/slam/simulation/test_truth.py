@@ -39,8 +39,8 @@ def test_walls_coincide_where_the_written_poses_put_them(drive: str, format: str
 
 
 def _off_the_walls(one: Array, other: Array) -> Array:
-    """Signed distances [m] of points of the other scan, from half a metre below the LiDAR to 4.5 m above it, from planes
-    through those of the one around them; only where these are plane and upright."""
+    """Signed distances [m] of points of the other scan, from half a metre below the LiDAR to 4.5 m above it, from
+    planes through those of the one around them; only where these are plane and upright."""
     high = [cloud[(cloud[:, 2] > -0.5) & (cloud[:, 2] < 4.5)] for cloud in (one, other)]
     tree = cKDTree(high[0])
     distance, near = tree.query(high[1], k=12)
