@@ -27,9 +27,9 @@ EVERY = 2  # takes every other frame, 1.5 m apart on average: nearly the same fi
 QUICK = 53  # frames: the first hundred metres, the least that has a drift
 AROUND = 280  # frames: once around the block and 80 m on, 40 of them driven twice, which closes loops
 #: Seconds on the machine whose speed `Forecast` knows: a core's for a simulated frame; a frame's in each row.
-SIMULATED, REGISTERED = 0.38, {"16": 0.03, "ray-segment": 0.055, "lift": 0.2, "64": 0.075}
+SIMULATED, REGISTERED = 0.23, {"16": 0.03, "ray-segment": 0.055, "lift": 0.2, "64": 0.075}
 #: And what the simulation and each row take besides; and what compiling kernels, once, adds to the simulation.
-TOWN, ROW, KERNELS = 6.0, 7.0, 20.0
+TOWN, ROW, KERNELS = 6.0, 7.0, 25.0
 
 
 def demo(

@@ -1,5 +1,6 @@
 import errno
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -79,6 +80,14 @@ def test_the_same_settings_give_the_same_bytes(jam: tuple[Simulation, Path], tmp
     again = Simulation(SimulationConfig(drive="jam", depth=True))
     again.write(tmp_path / "again", 3)
     assert contents(tmp_path / "again") == contents(folder)
+
+
+@pytest.mark.parametrize("drive", ["motorway", "bridge", "lorries", "traffic", "building"])
+def test_the_same_seed_gives_the_same_scan_in_every_scene(drive: str) -> None:
+    settings = SimulationConfig(drive, sensor="vlp16", distort=True, camera=False, seed=3)
+    scans = [Simulation(each).rig.frame(7).scan for each in (settings, settings, replace(settings, seed=4))]
+    assert scans[0].xyz.tobytes() == scans[1].xyz.tobytes()
+    assert scans[0].xyz.tobytes() != scans[2].xyz.tobytes()
 
 
 def test_processes_write_the_same_bytes(
