@@ -1,4 +1,4 @@
-"""Streets between house walls: one past parked lorries, and an avenue full of traffic."""
+"""Streets between walls: one past parked lorries, and an avenue full of traffic."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PROFILE = ((0.0, 0.0, "kerb"), (0.02, KERB, "kerb"), (0.16, KERB, "paving"), (PA
 
 
 class StreetScene(DrivenScene):
-    """A street between two rows of houses. Lefts are seen from the middle of the car's lane.
+    """A street with something in a row along either side. Lefts are seen from the middle of the car's lane.
 
     kerbs   lefts of the left and the right one
     lines   markings: their lefts, and whether they are dashed
@@ -45,15 +45,18 @@ class StreetScene(DrivenScene):
 
     @cached_property
     def standing(self) -> Parts:
-        """The street, its houses, and what is parked."""
+        """The street, what is along it, and what is parked."""
         rng = np.random.default_rng([self.seed, 1])
-        parts = [*self._surface(), *self._houses(rng), *self._kerbside(rng)]
-        return Parts([*parts, *self.parked(rng)])
+        return Parts([*self._surface(), *self.alongside(rng), *self.parked(rng)])
 
     @cached_property
     def traffic(self) -> Traffic:
         """All that moves."""
         return Traffic(self.drive, self.course, self.movers(np.random.default_rng([self.seed, 2])))
+
+    def alongside(self, rng: np.random.Generator) -> Iterator[Mesh]:
+        """What stands behind the kerbs."""
+        yield from ()
 
     def parked(self, rng: np.random.Generator) -> Iterator[Mesh]:
         """What stands on the carriageway."""
@@ -72,39 +75,26 @@ class StreetScene(DrivenScene):
             section = [Node(kerb + out * x, z, name) for x, z, name in PROFILE]
             yield from swept(self.course, section, way)
 
-    def _houses(self, rng: np.random.Generator) -> Iterator[Mesh]:
-        """Wall to wall, but for a gap now and then."""
-        for kerb, out in zip(self.kerbs, (1, -1), strict=True):
-            way, storeys = self.course.metres[0] + 2, int(rng.integers(2, 5))
-            while way < self.course.metres[-1] - 18:
-                width, depth = rng.uniform(9, 16), rng.uniform(9, 13)
-                house = building(rng, width, depth, int(np.clip(storeys + rng.integers(-1, 2), 1, 5)))
-                turn = 0.0 if out > 0 else np.pi
-                yield self.course.laid(house, way + width / 2, kerb + out * (PAVEMENT + 0.05), turn)
-                way += width + (rng.uniform(4, 9) if rng.random() < 0.15 else 0.0)
-
-    def _kerbside(self, rng: np.random.Generator) -> Iterator[Mesh]:
-        """Lamps, trees and signs on both pavements."""
-        lamp, tree = furniture.lamp(rng), vegetation.deciduous(rng)
-        signs = [furniture.sign(rng) for _ in range(6)]
-        for kerb, out in zip(self.kerbs, (1, -1), strict=True):
-            turn = 0.0 if out > 0 else np.pi
-            for way in np.arange(self.course.metres[0] + 5 + 15 * (out > 0), self.course.metres[-1] - 2, 30.0):
-                yield self.course.laid(lamp, way, kerb + out * 0.5, turn, KERB)
-            for way in np.arange(self.course.metres[0] + 12, self.course.metres[-1] - 2, 17.0):
-                if rng.random() < 0.35:
-                    grown = tree.placed(0, 0, 0, rng.uniform(0, 6.28), rng.uniform(0.5, 0.65))
-                    yield self.course.laid(grown, way, kerb + out * 0.9, 0.0, KERB)
-                elif rng.random() < 0.3:
-                    yield self.course.laid(pick(rng, signs), way, kerb + out * 0.45, turn + out * np.pi / 2, KERB)
-
 
 class LorriesScene(StreetScene):
-    """See `Scene`. Lorries stand in a row on the right, their sides ASIDE from the car's middle; a few cars move."""
+    """See `Scene`. Lorries stand in a row on the right, their sides ASIDE from the car's middle; a few cars move.
+
+    Either side ends at a plain wall, as between yards and works: what holds the axis are gaps between vehicles.
+    """
 
     ASIDE = 3.7
+    WALL = 6.0  # metres high
     kerbs = (7.2, -6.6)
     lines = ((1.75, True), (-2.1, False))
+
+    def alongside(self, rng: np.random.Generator) -> Iterator[Mesh]:
+        """The walls."""
+        way = np.arange(self.course.metres[0], self.course.metres[-1], STEP)
+        for kerb, out in zip(self.kerbs, (1, -1), strict=True):
+            near, far = kerb + out * PAVEMENT, kerb + out * (PAVEMENT + 0.4)
+            section = [(near, 0.0), (near, self.WALL), (far, self.WALL), (far, 0.0)]
+            nodes = [Node(left, height, "concrete") for left, height in section]
+            yield from swept(self.course, nodes, way)
 
     def parked(self, rng: np.random.Generator) -> Iterator[Mesh]:
         """The row of lorries, and cars along the left kerb."""
@@ -139,6 +129,11 @@ class AvenueScene(StreetScene):
     BESIDE = 5.0  # metres ahead and behind that count as beside the car
     LORRIES = 0.45  # share of the vehicles elsewhere
 
+    def alongside(self, rng: np.random.Generator) -> Iterator[Mesh]:
+        """Houses, and what is on the pavements."""
+        yield from self._houses(rng)
+        yield from self._kerbside(rng)
+
     def movers(self, rng: np.random.Generator) -> Iterator[Mover]:
         """Lanes that move as the car does, and the oncoming ones."""
         for left in self.DRIFT:
@@ -163,3 +158,29 @@ class AvenueScene(StreetScene):
             if left or abs(way) > length / 2 + 6.0:  # it is not where the car itself is
                 yield Mover(mesh, moved + way, left + rng.normal(0, 0.1), False, length + 2.0)
             way += length / 2 + rng.uniform(*self.GAP)
+
+    def _houses(self, rng: np.random.Generator) -> Iterator[Mesh]:
+        """Wall to wall, but for a gap now and then."""
+        for kerb, out in zip(self.kerbs, (1, -1), strict=True):
+            way, storeys = self.course.metres[0] + 2, int(rng.integers(2, 5))
+            while way < self.course.metres[-1] - 18:
+                width, depth = rng.uniform(9, 16), rng.uniform(9, 13)
+                house = building(rng, width, depth, int(np.clip(storeys + rng.integers(-1, 2), 1, 5)))
+                turn = 0.0 if out > 0 else np.pi
+                yield self.course.laid(house, way + width / 2, kerb + out * (PAVEMENT + 0.05), turn)
+                way += width + (rng.uniform(4, 9) if rng.random() < 0.15 else 0.0)
+
+    def _kerbside(self, rng: np.random.Generator) -> Iterator[Mesh]:
+        """Lamps, trees and signs on both pavements."""
+        lamp, tree = furniture.lamp(rng), vegetation.deciduous(rng)
+        signs = [furniture.sign(rng) for _ in range(6)]
+        for kerb, out in zip(self.kerbs, (1, -1), strict=True):
+            turn = 0.0 if out > 0 else np.pi
+            for way in np.arange(self.course.metres[0] + 5 + 15 * (out > 0), self.course.metres[-1] - 2, 30.0):
+                yield self.course.laid(lamp, way, kerb + out * 0.5, turn, KERB)
+            for way in np.arange(self.course.metres[0] + 12, self.course.metres[-1] - 2, 17.0):
+                if rng.random() < 0.35:
+                    grown = tree.placed(0, 0, 0, rng.uniform(0, 6.28), rng.uniform(0.5, 0.65))
+                    yield self.course.laid(grown, way, kerb + out * 0.9, 0.0, KERB)
+                elif rng.random() < 0.3:
+                    yield self.course.laid(pick(rng, signs), way, kerb + out * 0.45, turn + out * np.pi / 2, KERB)
