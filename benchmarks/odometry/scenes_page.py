@@ -47,6 +47,7 @@ def page(found: Mapping[str, Any]) -> str:
         "# Odometry by scenes\n",
         f"{about['date']}, {about['cpu']}, {about['cores']} cores, {about['memory_gib']} GiB; {versions}.\n",
         f"```\n{about['command']}\n```\n",
+        *([f"{about['note']}\n"] if "note" in about else []),
         PROTOCOL.format(**about),
         "## Who is nearest to the truth\n",
         table(("drive", "input", "nearest", "ATE m", f"{DEFAULT} m", "times", "rank"), _ranks(results), words=3),
