@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import open3d as o3d
 
-from benchmarks.common.scenes import scene
+from benchmarks.common.simulated import scene
 from enrichment.enricher import Enricher
 from enrichment.geometry.held_out import past_of
 from enrichment.geometry.sparse_scan import Method, of_rings

@@ -19,8 +19,8 @@ import numpy as np
 
 from benchmarks.common.cores import pin_to_one_core
 from benchmarks.common.page import surroundings, table, target, write_results
-from benchmarks.common.scenes import CACHE, TOWNS, scene
 from benchmarks.common.script import add_results, parser, run_script
+from benchmarks.common.simulated import CACHE, TOWNS, scene
 from benchmarks.enriched.recipes import SIXTEEN
 from benchmarks.enriched.tracks import Runner, apart, front_ends, geometric_mean, rmse
 from benchmarks.weights.lift_weights import held_out, lift_for

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.common.scenes import scene
 from benchmarks.common.script import parser, run_script
+from benchmarks.common.simulated import scene
 from lidarlift.front_ends import front_end_for
 from slam.config import load_config
 from slam.data.plot_style import save_png

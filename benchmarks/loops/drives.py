@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from benchmarks.common.scenes import simulated
+from benchmarks.common.simulated import simulated
 from slam.data.dataset import Dataset
 from slam.simulation.simulation import SimulationConfig
 

@@ -2,7 +2,7 @@
 
     python -m benchmarks.odometry.scenes DRIVE [DRIVE ...] --inputs full 16 ray-segment lift
 
-DRIVE is a folder that lidarlift reads, or one of the simulated drives of benchmarks/common/scenes.py, simulated once
+DRIVE is a folder that lidarlift reads, or one of the simulated drives of benchmarks/common/simulated.py, simulated once
 into the user's cache. Writes scenes.md and .json in benchmarks/results; the JSON is [drive][input]["systems"][system],
 with "about" beside the drives. Linux only (pins to a core).
 """
@@ -27,8 +27,8 @@ os.environ.update(ONE_THREAD)
 import numpy as np
 
 from benchmarks.common.page import surroundings, write_results
-from benchmarks.common.scenes import SCENES, frame_numbers, scene
 from benchmarks.common.script import add_results, parser, run_script
+from benchmarks.common.simulated import SCENES, frame_numbers, scene
 from benchmarks.odometry import inputs
 from benchmarks.odometry.drive_arguments import add_frames, as_slice
 from benchmarks.odometry.figures import figures

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks.common.page import surroundings
-from benchmarks.common.scenes import SCENES, frame_numbers, scene
+from benchmarks.common.simulated import SCENES, frame_numbers, scene
 from benchmarks.odometry import inputs, scenes
 from benchmarks.odometry.measure import Run
 from benchmarks.odometry.names import GENZ, IN_SCENES, OURS, REFERENCE
