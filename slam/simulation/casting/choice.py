@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
+from slam.simulation.casting.embree import has_packets
 
-if find_spec("embreex") is not None:
+if has_packets():
     from slam.simulation.casting.caster import RayCaster
     from slam.simulation.casting.embree import TriangleScene
 else:

@@ -24,12 +24,14 @@ from slam.data.errors import InputError
 DEVICE = b"threads=1,max_isa=avx2"
 ROBUST, FILTERED = 1 << 2, 1 << 3  # flags of a scene: no ray slips between two triangles; queries may bring a filter
 TRIANGLES, INDICES, VERTICES, THREE_UINTS, THREE_FLOATS = 0, 0, 1, 0x5003, 0x9003
+NATIVE_RAY8 = 33  # a property: whether packets of eight are more than a loop over single rays
 
 _POINTER, _SIZE, _UINT, _INT = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_uint, ctypes.c_int
 _BUFFER = (_POINTER, _INT, _UINT, _INT, _POINTER, _SIZE, _SIZE, _SIZE)
 _FUNCTIONS = {
     "rtcNewDevice": (_POINTER, (ctypes.c_char_p,)),
     "rtcGetDeviceError": (_INT, (_POINTER,)),
+    "rtcGetDeviceProperty": (ctypes.c_ssize_t, (_POINTER, _INT)),
     "rtcNewScene": (_POINTER, (_POINTER,)),
     "rtcSetSceneFlags": (None, (_POINTER, _INT)),
     "rtcCommitScene": (None, (_POINTER,)),
@@ -107,3 +109,11 @@ def _embree() -> tuple[ctypes.CDLL, int]:
     if not device:
         raise RuntimeError(f"Embree: no device, error {embree.rtcGetDeviceError(None)}")
     return embree, device
+
+
+def has_packets() -> bool:
+    """Whether embreex is installed and casts eight rays at once on this CPU: one without AVX does not."""
+    if find_spec("embreex") is None:
+        return False
+    embree, device = _embree()
+    return bool(embree.rtcGetDeviceProperty(device, NATIVE_RAY8))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -10,10 +11,12 @@ import pytest
 
 from slam.data.cloud import Array
 from slam.data.errors import InputError
-from slam.simulation.casting import caster, embree, open3d_rays
-from slam.simulation.casting.caster import RayCaster
+from slam.simulation.casting import embree, open3d_rays
 from slam.simulation.casting.embree import TriangleScene
 
+if not embree.has_packets():
+    pytest.skip("embreex is not installed, or this CPU has no AVX", allow_module_level=True)
+caster = import_module("slam.simulation.casting.caster")  # which cannot be imported without embreex
 EYE = np.array([0.0, 0.0, 1.0])
 
 
@@ -31,15 +34,18 @@ def fan_of_rays(count: int) -> Array:
 
 
 def test_rays_meet_alone_what_they_meet_beside_others() -> None:
-    casting, rays = RayCaster([TriangleScene(*sheets(60, 1))], np.zeros(3)), fan_of_rays(403)
+    casting, rays = caster.RayCaster([TriangleScene(*sheets(60, 1))], np.zeros(3)), fan_of_rays(403)
     together = casting.cast(EYE, rays)
     alone = [casting.cast(EYE, ray[None]) for ray in rays]
     shuffled = casting.cast(EYE, rays, np.random.default_rng(2).permutation(len(rays)).astype(np.int32))
     assert (together[1] >= 0).mean() > 0.9
     assert len(set(together[1])) > 10
-    for field in range(3):
-        assert together[field].tobytes() == np.concatenate([found[field] for found in alone]).tobytes()
-        assert together[field].tobytes() == shuffled[field].tobytes()
+    one_by_one = [np.concatenate([found[field] for found in alone]) for field in range(3)]
+    for other in (one_by_one, shuffled):
+        same = together[1] == other[1]
+        assert same.mean() > 0.99  # rounding may take one in many to the next sheet; in packets alone a third would go
+        for field in (0, 2):
+            np.testing.assert_allclose(together[field][same], other[field][same], rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("rays", [caster, open3d_rays])
@@ -82,6 +88,15 @@ def test_without_rays_nothing_is_met(rays: ModuleType) -> None:
     found = rays.RayCaster([rays.TriangleScene(*sheets(3, 0))], np.zeros(3))
     assert [len(part) for part in found.cast(EYE, np.zeros((0, 3), np.float32))] == [0, 0, 0]
     assert len(found.hidden(EYE, np.zeros((0, 3), np.float32))) == 0
+
+
+def test_without_embreex_or_avx_there_are_no_packets(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert embree.has_packets()
+    old = type("Device", (), {"rtcGetDeviceProperty": staticmethod(lambda _, asked: int(asked != embree.NATIVE_RAY8))})
+    monkeypatch.setattr(embree, "_embree", lambda: (old, 0))
+    assert not embree.has_packets()
+    monkeypatch.setattr(embree, "find_spec", lambda _: None)
+    assert not embree.has_packets()
 
 
 def test_where_embree_is_missing_the_error_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
