@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-_SPECKLE, _BLOTCHES, _BRICKS = 1, 2, 3  # materials.Pattern
+_BLOTCHES, _BRICKS = 2, 3  # of materials.Pattern
 _SUN, _SUNLIGHT, _ZENITH, _HORIZON, _GROUND = 0, 1, 2, 3, 4  # rows of `air`
 _I, _J, _K = np.int64(-7046029254386353131), np.int64(-4658895280553007687), np.int64(-7723592293110705685)
 _X, _Y, _Z, _NX, _NY, _NZ, _PIXEL, _OUT, _MORE = 0, 1, 2, 3, 4, 5, 6, 7, 8  # rows of what is gathered

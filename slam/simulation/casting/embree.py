@@ -1,6 +1,6 @@
 """Embree 4 as the package embreex brings it, and the scenes that its rays are cast into.
 
-embreex's own Python interface casts rays one at a time. Packets of neighbouring rays take a third of that, so its
+embreex's own Python interface casts rays one at a time. Packets of neighbouring rays take half of that, so its
 library is called directly: from here to set up scenes (ctypes), from `kernels` to cast rays.
 https://github.com/RenderKit/embree/blob/v4.4.0/doc/src/api.md has the constants and structures.
 """

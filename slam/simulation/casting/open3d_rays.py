@@ -1,4 +1,4 @@
-"""Rays one at a time, through Open3D: where embreex has no wheel (Linux on ARM), or the CPU no AVX. A third as fast."""
+"""Rays one at a time, through Open3D: where embreex has no wheel (Linux on ARM), or the CPU no AVX. Half as fast."""
 
 from __future__ import annotations
 
