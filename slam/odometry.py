@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
@@ -44,16 +44,19 @@ class OdometryStep:
 
     pose          (4, 4) T_world_lidar; the world is the first scan's frame
     covariance    (6, 6) of pose @ exp(xi), xi = (rotation, translation), given the scan before: of the motion
-    status        'registered'; 'retried': only after a search around the prediction; 'failed': the prediction was kept
+    status        'registered'; 'retried': only after a search around the prediction; 'degenerate': the scan does not
+                  hold the pose along `unobserved`, there the prediction was kept; 'failed': the prediction was kept
     registration  of the scan against the map, or None (first scan, too few points)
     cloud         the scan as registered: deskewed, vertically corrected, in the sensor's frame
+    unobserved    (K, 6) unit vectors (rotation, translation) in the sensor's axes; none but in a degenerate scan
     """
 
     pose: Array
     covariance: Array
-    status: Literal["registered", "retried", "failed"]
+    status: Literal["registered", "retried", "degenerate", "failed"]
     registration: RegistrationResult | None
     cloud: PointCloud
+    unobserved: Array = field(default_factory=lambda: np.zeros((0, 6)))
 
 
 class Odometry:
