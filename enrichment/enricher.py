@@ -24,6 +24,8 @@ class Enricher:
     through the centres of the azimuth columns, each with its sigma and `measured` False. Rings are numbered as in
     `target`. A scan whose rings are unknown is handed on as it is.
 
+    It belongs to one run: the calibration of sigma, and how many columns a scan fills, are learned from the scans.
+
     measure   gives the sparse cloud of a frame, in the sensor's own geometry
     method    predicts ranges and sigmas; these are calibrated while driving
     lines     the laser line of every ring id of the sparse cloud; `rings` (K,) those that it has, top first

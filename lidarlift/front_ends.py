@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -94,7 +94,14 @@ def with_runnable_enricher(settings: Config) -> Config:
 
 
 def front_end_for(settings: FrontEndSettings, sensor: Sensor | None, name: object) -> FrontEnd:
-    """The front end that the settings ask for: the rings that are there, or what fills them in.
+    """The front end of one run, which has seen no scan as yet. See `front_end_maker`."""
+    return front_end_maker(settings, sensor, name)()
+
+
+def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: object) -> Callable[[], FrontEnd]:
+    """What makes the front end that the settings ask for: the rings that are there, or what fills them in.
+
+    A front end that fills in learns from the scans that it is shown, and so may its method: each run has its own.
 
     Args:
         settings: Of the front end.
@@ -108,7 +115,7 @@ def front_end_for(settings: FrontEndSettings, sensor: Sensor | None, name: objec
 
     measured = RingFrontEnd(settings, sensor)
     if settings.input != "enriched":
-        return measured
+        return lambda: measured
     if sensor is None:
         raise InputError(
             f"{name}: to enrich its scans the laser lines have to be known; "
@@ -118,8 +125,8 @@ def front_end_for(settings: FrontEndSettings, sensor: Sensor | None, name: objec
     from enrichment.methods.registry import METHODS
 
     target = sensor if sensor.ring_count == 64 else None
-    method = METHODS.load(settings.enricher)()
-    return Enricher(measured, method, *measured.lines(), target, coverage=settings.coverage)
+    make_method = METHODS.load(settings.enricher)
+    return lambda: Enricher(measured, make_method(), *measured.lines(), target, coverage=settings.coverage)
 
 
 def input_name(settings: Config) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lidarlift.front_ends import front_end_for, input_name, opened, settings_for
+from lidarlift.front_ends import front_end_maker, input_name, opened, settings_for
 from lidarlift.reporting import Quiet, Reporter, note_problems
 from slam.data.atomic import require_writable
 
@@ -106,11 +106,11 @@ class _Task:
         from slam.pipeline import Pipeline
         from slam.recorded_odometry import RecordedOdometry
 
-        front_end = front_end_for(self.settings.front_end, self.data.sensor, self.data.path)
+        make_front_end = front_end_maker(self.settings.front_end, self.data.sensor, self.data.path)
         recorded = RecordedOdometry(self.odometry, len(self.data)) if self.odometry else None
         compile_kernels(self.settings, lambda: self.reporter.note("compiling kernels, once: about 20 seconds ..."))
         with self.reporter.progress(self.title, len(range(len(self.data))[self.frames])) as advance:
-            result = Pipeline(self.settings, front_end).run(
+            result = Pipeline(self.settings, make_front_end).run(
                 self.data,
                 self.frames,
                 recorded=recorded,

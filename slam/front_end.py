@@ -14,7 +14,10 @@ from slam.settings import FrontEndSettings
 
 
 class FrontEnd(Protocol):
-    """Makes the cloud that is registered, in the sensor's own geometry: before deskewing and vertical correction."""
+    """Makes the cloud that is registered, in the sensor's own geometry: before deskewing and vertical correction.
+
+    It may keep what it learns from the scans, so each run has one of its own.
+    """
 
     def __call__(self, frame: Frame, history: History) -> PointCloud: ...
 

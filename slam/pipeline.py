@@ -37,7 +37,7 @@ class Slam:
 
     Args:
         config: The settings; by default `Config()`.
-        front_end: Makes the cloud that is registered; by default the rings that `config` asks for.
+        front_end: Makes the cloud that is registered, of this run alone; by default the rings that `config` asks for.
         source: Where the frames come from, for the run folder.
         sweep_duration: Seconds that the LiDAR takes for one sweep.
         odometry: What gives the poses; by default our odometry with the settings of `config`.
@@ -124,10 +124,14 @@ class Slam:
 
 
 class Pipeline:
-    """Runs a configuration over data sets. `front_end` replaces the one that the configuration names."""
+    """Runs a configuration over data sets, as often as one likes: nothing outlives a run.
 
-    def __init__(self, config: Config | None = None, front_end: FrontEnd | None = None) -> None:
-        self.config, self.front_end = config or Config(), front_end
+    `make_front_end` makes the front end of each run, in place of the rings that the configuration asks for; a front end
+    may learn from the scans that it is shown.
+    """
+
+    def __init__(self, config: Config | None = None, make_front_end: Callable[[], FrontEnd] | None = None) -> None:
+        self.config, self.make_front_end = config or Config(), make_front_end
 
     def run(
         self,
@@ -158,7 +162,8 @@ class Pipeline:
         angle = vertical_correction(self.config.front_end, source.sensor)
         about: Any = {"sweep_duration": sweep, "vertical_correction": angle}
         odometry = recorded.steps(positions, **about) if recorded else None
-        slam = Slam(self.config, self.front_end, source=source, sweep_duration=sweep, odometry=odometry)
+        front_end = self.make_front_end() if self.make_front_end else None
+        slam = Slam(self.config, front_end, source=source, sweep_duration=sweep, odometry=odometry)
         _refuse(dataset.problems, strict)
         slam.result.problems.extend(dataset.problems)
         with slam:

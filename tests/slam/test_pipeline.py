@@ -97,7 +97,7 @@ class HalvingFrontEnd:
 
 def test_another_front_end_sees_the_frames_and_the_past(street_drive: Drive, street_poses: Array) -> None:
     front_end = HalvingFrontEnd()
-    result = Pipeline(front_end=front_end).run(open_dataset(street_drive()))
+    result = Pipeline(make_front_end=lambda: front_end).run(open_dataset(street_drive()))
     assert [record.points for record in result.records] == [64 * 300] * 8
     assert distances(result, street_poses).max() < 0.05
     assert [len(history) for history in front_end.histories] == [min(i, HISTORY) for i in range(8)]
