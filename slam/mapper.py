@@ -53,7 +53,7 @@ class MappingResult:
 
     def corrected(self, poses: Array) -> Array:
         """Odometry poses (N, 4, 4) of frames 0, 1 .., moved as the keyframes before and after them were."""
-        return _corrected(poses, self.keyframes, self.poses) if self.loops else poses
+        return placed(poses, self.keyframes.indices, self.keyframes.poses, self.poses) if self.loops else poses
 
 
 @dataclass
@@ -134,7 +134,9 @@ class Mapper:
         return poses[0] @ self._back_end.poses() if self._back_end.has_loops else poses
 
     def _corrected(self, poses: Array) -> Array:
-        return _corrected(poses, self._keyframes, self._optimised()) if self._back_end.has_loops else poses
+        if not self._back_end.has_loops:
+            return poses
+        return placed(poses, self._keyframes.indices, self._keyframes.poses, self._optimised())
 
     def _finish(self) -> None:
         self._keyframes.finish()
@@ -176,11 +178,25 @@ class Mapper:
         return se3.normalized(se3.inverse(before) @ here), self._doubts[number] + np.diag(drift)
 
 
-def _corrected(poses: Array, keyframes: Keyframes, optimised: Array) -> Array:
-    """Odometry poses (N, 4, 4) of frames 0, 1 .., moved as the keyframes' (K, 4, 4) were from the odometry's."""
-    moved = optimised @ se3.inverse(keyframes.poses)
-    frames = np.arange(len(poses), dtype=float)
-    return np.asarray(se3.interpolate(keyframes.indices.astype(float), moved, frames) @ poses)
+def placed(poses: Array, indices: Array, keyframes: Array, optimised: Array) -> Array:
+    """Where frames are, by where their keyframes are.
+
+    A frame is put where the odometry saw it from the keyframe before it, and from the one after it, and between the two
+    by how near in frames they are: at a keyframe its optimised pose. All this is in the keyframes' own axes, so it does
+    not matter how far away the world's origin is.
+
+    Args:
+        poses: (N, 4, 4) of frames 0, 1 .. by the odometry.
+        indices: (K,) the frames that are keyframes, rising.
+        keyframes: (K, 4, 4) by the odometry.
+        optimised: (K, 4, 4).
+
+    Returns:
+        (N, 4, 4). Frames before the first keyframe, or after the last, move rigidly with it.
+    """
+    before, after, share = se3.neighbours(indices, np.arange(len(poses)))
+    start, end = (optimised[near] @ (se3.inverse(keyframes[near]) @ poses) for near in (before, after))
+    return se3.blend(start, end, share)
 
 
 def _coloured(cloud: PointCloud, recorded: PointCloud, frame: Frame) -> PointCloud:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from slam.data.cloud import Array
 
@@ -60,11 +60,28 @@ def interpolate(stamps: Array, poses: Array, at: Array) -> Array:
 
     Times outside the samples take the first or the last pose.
     """
-    at = np.clip(at, stamps[0], stamps[-1])
-    result = np.tile(np.eye(4), (len(at), 1, 1))
-    result[:, :3, :3] = Slerp(stamps, Rotation.from_matrix(poses[:, :3, :3]))(at).as_matrix()
-    for axis in range(3):
-        result[:, axis, 3] = np.interp(at, stamps, poses[:, axis, 3])
+    before, after, share = neighbours(stamps, at)
+    return blend(poses[before], poses[after], share)
+
+
+def neighbours(stamps: Array, at: Array) -> tuple[Array, Array, Array]:
+    """Which samples, at rising `stamps` (N,), lie before and after times `at` (M,), and the share of the way.
+
+    Three arrays (M,). The share is 0..1: times outside the samples are at the first or the last.
+    """
+    before = np.clip(np.searchsorted(stamps, at, side="right") - 1, 0, max(len(stamps) - 2, 0))
+    after = np.minimum(before + 1, len(stamps) - 1)
+    share = (at - stamps[before]) / np.where(after > before, stamps[after] - stamps[before], 1)
+    return before, after, np.clip(share, 0, 1)
+
+
+def blend(start: Array, end: Array, share: Array) -> Array:
+    """Poses (M, 4, 4) a share (M,) of the way from `start` to `end`, (M, 4, 4) each: SLERP and linear."""
+    rotation, share = Rotation.from_matrix(start[:, :3, :3]), share[:, None]
+    turn = (rotation.inv() * Rotation.from_matrix(end[:, :3, :3])).as_rotvec()
+    result = np.tile(np.eye(4), (len(share), 1, 1))
+    result[:, :3, :3] = (rotation * Rotation.from_rotvec(share * turn)).as_matrix()
+    result[:, :3, 3] = (1 - share) * start[:, :3, 3] + share * end[:, :3, 3]
     return result
 
 

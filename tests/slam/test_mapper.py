@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.graph.pose_graph import odometry_poses
-from slam.mapper import Mapper, MappingResult
+from slam.mapper import Mapper, MappingResult, placed
 from slam.odometry import OdometryStep
 
 SIDE = 36.0  # metres, of a square block that is driven around
@@ -146,3 +148,58 @@ def test_what_goes_wrong_in_the_thread_is_raised(scans: list[PointCloud]) -> Non
         mapper.add(0, frame, scans[0], step)
         with pytest.raises(OSError, match="no such image"):
             mapper.finish()
+
+
+# ---- frames between keyframes
+
+AT = np.array([2, 5, 9])  # keyframes among twelve frames, half a metre apart
+motions = st.tuples(
+    st.lists(st.floats(-1, 1), min_size=3, max_size=3), st.lists(st.floats(-1e4, 1e4), min_size=3, max_size=3)
+).map(lambda parts: se3.exp(np.array(parts[0] + parts[1])))
+
+
+def straight(start: Array) -> Array:
+    """Twelve poses (12, 4, 4) straight ahead."""
+    return np.array([start @ se3.exp(np.array([0, 0, 0, 0.5 * number, 0, 0])) for number in range(12)])
+
+
+def bent(keyframes: Array, degrees: float) -> Array:
+    """The same keyframes (K, 4, 4), but from each to the next the way turns to the left."""
+    turn, result = se3.exp(np.array([0, 0, np.deg2rad(degrees), 0, 0, 0])), [keyframes[0]]
+    for motion in se3.inverse(keyframes[:-1]) @ keyframes[1:]:
+        result.append(result[-1] @ turn @ motion)
+    return np.array(result)
+
+
+@given(odometry=motions, world=motions, bend=st.floats(-10, 10))
+def test_where_the_worlds_origin_is_does_not_matter(odometry: Array, world: Array, bend: float) -> None:
+    """Of the odometry's world and of the optimised one, each moved by up to 10 km and 60 deg an axis."""
+    poses = straight(np.eye(4))
+    optimised = bent(poses[AT], bend)
+    near = placed(poses, AT, poses[AT], optimised)
+    far = placed(odometry @ poses, AT, odometry @ poses[AT], world @ optimised)
+    np.testing.assert_allclose(far, world @ near, atol=1e-7)
+
+
+@given(start=motions, bend=st.floats(-10, 10))
+def test_keyframes_are_where_they_were_optimised_to_and_carry_the_ends(start: Array, bend: float) -> None:
+    poses = straight(start)
+    optimised = bent(poses[AT], bend)
+    found = placed(poses, AT, poses[AT], optimised)
+    np.testing.assert_allclose(found[AT], optimised, atol=1e-7)
+    for ends, keyframe in ((slice(0, 2), 0), (slice(10, 12), 2)):
+        seen = se3.inverse(poses[AT[keyframe]]) @ poses[ends]
+        np.testing.assert_allclose(found[ends], optimised[keyframe] @ seen, atol=1e-7)
+
+
+@pytest.mark.parametrize("away", [0.0, 2000.0, 10000.0])
+def test_a_frame_stays_on_the_way_however_far_from_the_start(away: float) -> None:
+    """Its distance from the straight line between two keyframes whose corrections are 2 deg apart, here 1.5 m."""
+    start = se3.exp(np.array([0, 0, 0.3, away, 0, 0]))
+    poses = straight(start)
+    optimised = bent(poses[AT], 2.0)
+    found = placed(poses, AT, poses[AT], optimised)
+    seen = se3.inverse(optimised[0]) @ found[AT[0] : AT[1]]
+    end = (se3.inverse(optimised[0]) @ optimised[1])[:3, 3]
+    aside = np.linalg.norm(np.cross(seen[:, :3, 3], end / np.linalg.norm(end)), axis=1)
+    assert aside.max() < 0.03
