@@ -95,14 +95,16 @@ class Slam:
             points: In the sensor's frame (x forward, y left, z up), metres: (N, 3) x y z, (N, 4) with intensity, or a
                 structured array, as drivers deliver it, with fields x, y, z and, where there are, intensity, ring and
                 time. Without a ring field, rings are taken from the sensor's laser lines. Or a cloud that is ready.
-            stamp: Seconds, of the middle of the sweep.
+            stamp: Seconds, of the middle of the sweep. One that does not rise, or jumps, is a problem of the run that
+                `finish` returns.
             image: (H, W, 3) uint8 RGB of the calibrated camera, nearest in time.
 
         Returns:
             Pose (4, 4) T_world_lidar, covariance and status, before any loop that this scan may close.
 
         Raises:
-            InputError: The points are of another shape, lack fields, or have rings that the sensor does not have.
+            InputError: The points are of another shape, lack fields, or have rings that the sensor does not have; or the
+                stamp is no number.
         """
         place = len(self._slam.result.records)
         name = Path(f"scan {place}")

@@ -16,6 +16,7 @@ from slam.data.dataset import Dataset, chosen_positions
 from slam.data.errors import InputError
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
+from slam.data.stamps import stamp_problems
 from slam.front_end import FrontEnd, RingFrontEnd
 from slam.mapper import Mapper
 from slam.odometry import Odometry
@@ -25,6 +26,7 @@ from slam.settings import Config, FrontEndSettings
 from slam.tracking import PoseSource, Tracker
 
 SWEEP = 0.1  # s; spinning LiDARs turn ten times a second
+LEAST_SWEEP = 0.04  # s; none turns faster
 
 
 class Slam:
@@ -41,6 +43,7 @@ class Slam:
         source: Where the frames come from, for the run folder.
         sweep_duration: Seconds that the LiDAR takes for one sweep.
         odometry: What gives the poses; by default our odometry with the settings of `config`.
+        strict: Stop at the first problem of a frame.
 
     Raises:
         InputError: `config` asks for rings that the sensor does not have.
@@ -55,6 +58,7 @@ class Slam:
         source: Source | None = None,
         sweep_duration: float = SWEEP,
         odometry: PoseSource | None = None,
+        strict: bool = False,
     ) -> None:
         config, source = config or Config(), source or Source()
         if front_end is None and config.front_end.input == "enriched":
@@ -69,6 +73,7 @@ class Slam:
             config.front_end.deskew,
         )
         self._mapper = Mapper(config)
+        self._sweep_duration, self._strict = sweep_duration, strict
 
     def __enter__(self) -> Self:
         return self
@@ -89,12 +94,18 @@ class Slam:
             Pose, covariance and status at once, before any loop that this frame may close.
 
         Raises:
-            InputError: Deskewing was asked for and the points have no times.
+            InputError: The stamp is no number; deskewing was asked for and the points have no times; or `strict` met a
+                problem.
             ValueError: `finish` was called before.
         """
         if self.result.mapping:
             raise ValueError("this run is finished; begin another one")
-        self.result.problems.extend(frame.problems)
+        if not np.isfinite(frame.stamp):
+            raise InputError(f"frame {frame.index}: its stamp is {frame.stamp}; give the scan's time in seconds")
+        before = self.result.records[-1] if self.result.records else None
+        problems = (*frame.problems, *stamp_problems(frame, before, self._sweep_duration))
+        _refuse(problems, self._strict)
+        self.result.problems.extend(problems)
         tracked = self._tracker(frame)
         self.result.deskewed |= tracked.timed
 
@@ -163,12 +174,11 @@ class Pipeline:
         about: Any = {"sweep_duration": sweep, "vertical_correction": angle}
         odometry = recorded.steps(positions, **about) if recorded else None
         front_end = self.make_front_end() if self.make_front_end else None
-        slam = Slam(self.config, front_end, source=source, sweep_duration=sweep, odometry=odometry)
+        slam = Slam(self.config, front_end, source=source, sweep_duration=sweep, odometry=odometry, strict=strict)
         _refuse(dataset.problems, strict)
         slam.result.problems.extend(dataset.problems)
         with slam:
             for position, (frame, load) in zip(positions, _read_ahead(dataset, positions), strict=True):
-                _refuse(frame.problems, strict)
                 record = slam.add(recorded.stamped(frame, position) if recorded else frame, load)
                 if on_frame:
                     on_frame(record)
@@ -192,10 +202,16 @@ def vertical_correction(settings: FrontEndSettings, sensor: Sensor | None) -> fl
 
 
 def sweep_duration(dataset: Dataset) -> float:
-    """Seconds that one sweep takes: the median of the stamps' differences, missing frames reckoned with."""
+    """Seconds that one sweep takes: the median of the stamps' differences, missing frames reckoned with.
+
+    Numbers that rise by more than one a sweep, as those of files that are named by their times, count no frames.
+    """
     if len(dataset) < 2:
         return SWEEP
-    duration = float(np.median(np.diff(dataset.stamps) / np.maximum(np.diff(dataset.numbers), 1)))
+    steps = np.diff(dataset.stamps)
+    duration = float(np.median(steps / np.maximum(np.diff(dataset.numbers), 1)))
+    if duration < LEAST_SWEEP:
+        duration = float(np.median(steps))
     return duration if duration > 0 else SWEEP
 
 

@@ -260,6 +260,42 @@ def test_missing_scans_do_not_lengthen_the_sweep(street_drive: Drive) -> None:
     assert sweep_duration(data) == pytest.approx(0.1)
 
 
+def test_files_named_by_their_times_do_not_shorten_the_sweep(tmp_path: Path) -> None:
+    stamps = 1.4e9 + 0.1 * np.arange(5)
+    for stamp in stamps:
+        np.save(tmp_path / f"{stamp * 1e6:.0f}.npy", np.zeros((10, 4), np.float32))
+    (tmp_path / "times.txt").write_text("".join(f"{stamp:.6f}\n" for stamp in stamps))
+    assert sweep_duration(open_dataset(tmp_path)) == pytest.approx(0.1, abs=1e-5)
+
+
+def test_missing_scans_are_told_once(street_drive: Drive) -> None:
+    """By the numbering: the stamps, which jump by as much, are not told as well."""
+    data = without(street_drive(), *range(1, 7))
+    assert data.stamps == pytest.approx([0.0, 0.7])
+    assert [problem.kind for problem in Pipeline().run(data).problems] == ["gap in numbering"]
+
+
+@pytest.fixture
+def clock_set(street_drive: Drive) -> Path:
+    """From scan 5 on the clock is a minute ahead."""
+    path = street_drive()
+    (path / "times.txt").write_text("".join(f"{0.1 * number + 60 * (number >= 5)}\n" for number in range(8)))
+    return path
+
+
+def test_a_clock_that_jumps_is_counted(clock_set: Path) -> None:
+    result = run(clock_set)
+    assert result.counts()["stamp_jump"] == 1
+    assert result.problems[0].message.startswith("frame 5: its stamp, 60.500 s, is 60.100 s after that of frame 4")
+
+
+def test_strict_minds_a_clock_that_jumps(clock_set: Path) -> None:
+    seen: list[FrameRecord] = []
+    with pytest.raises(InputError, match="frame 5: its stamp"):
+        Pipeline().run(open_dataset(clock_set), strict=True, on_frame=seen.append)
+    assert [record.index for record in seen] == [0, 1, 2, 3, 4]
+
+
 def test_missing_scans_are_gone_around(street_drive: Drive, street_poses: Array) -> None:
     result = Pipeline().run(without(street_drive(), 3, 4))
     assert result.counts()["gap_in_numbering"] == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.errors import InputError
 from slam.odometry import OdometryStep
 from slam.pipeline import Slam
 
@@ -109,3 +111,35 @@ def test_an_exception_stops_the_thread(frames: list[Frame]) -> None:
         raise KeyboardInterrupt
     with pytest.raises(RuntimeError, match="shutdown"):
         it.add(frames[1])
+
+
+def stamped(frames: list[Frame], *stamps: float) -> list[Frame]:
+    return [replace(frame, stamp=stamp) for frame, stamp in zip(frames, stamps, strict=False)]
+
+
+def test_stamps_that_make_no_sense_are_counted(frames: list[Frame]) -> None:
+    with slam() as it:
+        for frame in stamped(frames, 0.0, 0.1, 0.1, 0.2, 0.05, 0.15, 0.15, 2.0):
+            it.add(frame)
+        run = it.finish()
+    assert run.counts() | {"repeated_stamp": 2, "backward_stamp": 1, "stamp_jump": 1} == run.counts()
+    assert [problem.message.partition(":")[0] for problem in run.problems] == [
+        f"frame {number}" for number in (2, 4, 6, 7)
+    ]
+
+
+def test_strict_stops_before_a_frame_whose_stamp_makes_no_sense(frames: list[Frame]) -> None:
+    with Slam(odometry=Drifting(), strict=True) as it:
+        first, second, third = stamped(frames, 0.0, 0.1, 0.1)
+        it.add(first)
+        it.add(second)
+        with pytest.raises(InputError, match="frame 2: its stamp"):
+            it.add(third)
+        assert len(it.result.records) == 2
+        assert it.result.problems == []
+
+
+@pytest.mark.parametrize("stamp", [float("nan"), float("inf")])
+def test_a_stamp_that_is_no_number_is_refused(frames: list[Frame], stamp: float) -> None:
+    with slam() as it, pytest.raises(InputError, match=r"its stamp is (nan|inf); give the scan's time in seconds"):
+        it.add(replace(frames[0], stamp=stamp))

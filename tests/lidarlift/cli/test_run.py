@@ -186,6 +186,19 @@ def test_damage_is_noted_once_a_kind(lidarlift: Command, street_drive: Drive) ->
     assert len(read_report(Path("r"))["problems"]) == 2
 
 
+def test_stamps_that_jump_are_noted_once_and_strict_stops(lidarlift: Command, street_drive: Drive) -> None:
+    path = street_drive()
+    (path / "times.txt").write_text("".join(f"{number}\n" for number in (0, 0.1, 0.2, 3, 3.1, 3.2, 9, 9.1)))
+    result = lidarlift("run", path, "--out", "r")
+    assert result.code == 0, result.err
+    assert result.err.count("Note: ") == 1
+    assert "Note: stamp jump: frame 3: " in result.err
+    assert read_report(Path("r"))["counts"]["stamp_jump"] == 2
+    stopped = lidarlift("run", path, "--strict", "--out", "s")
+    assert stopped.code == 1
+    assert "Error: frame 3: its stamp" in stopped.err
+
+
 def test_strict_stops_and_writes_nothing(lidarlift: Command, street_drive: Drive) -> None:
     result = lidarlift("run", street_drive({3: b""}), "--strict", "--out", "r")
     assert result.code == 1
