@@ -132,8 +132,9 @@ def _figures(folder: Path) -> RunFigures:
         with (folder / "timings.csv").open(encoding="utf-8") as file:
             points = [int(row["points"]) for row in csv.DictReader(file)]
         times = report["timings_ms"]
+        accuracy = _accuracy(found.slam if found else None)
         return RunFigures(
-            **_accuracy(found.slam if found else None),
+            **accuracy | {"notes": (*accuracy["notes"], *report.get("notes", ()))},
             path_m=report["path_length_m"],
             frames=report["counts"]["frames"],
             failed=report["counts"]["failed"],

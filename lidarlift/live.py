@@ -100,11 +100,12 @@ class Slam:
             image: (H, W, 3) uint8 RGB of the calibrated camera, nearest in time.
 
         Returns:
-            Pose (4, 4) T_world_lidar, covariance and status, before any loop that this scan may close.
+            Pose (4, 4) T_world_lidar, covariance and status, before any loop that this scan may close. Where the status
+            is 'degenerate', `unobserved` says along which directions the scan did not hold the pose.
 
         Raises:
-            InputError: The points are of another shape, lack fields, or have rings that the sensor does not have; or the
-                stamp is no number.
+            InputError: The points are of another shape, lack fields, or have rings that the sensor does not have; or
+                the stamp is no number.
         """
         place = len(self._slam.result.records)
         name = Path(f"scan {place}")

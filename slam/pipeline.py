@@ -115,7 +115,9 @@ class Slam:
 
         inliers = step.registration.inlier_ratio if step.registration else float("nan")
         points = len(tracked.cloud)
-        record = FrameRecord(frame.index, frame.stamp, step.pose, step.covariance, step.status, inliers, points, laps)
+        record = FrameRecord(
+            frame.index, frame.stamp, step.pose, step.covariance, step.status, inliers, points, laps, step.unobserved
+        )
         self.result.records.append(record)
         return record
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from slam import degeneracy
+from slam.data import se3
 from slam.data.cloud import Array, Calibration, PointCloud
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
@@ -31,10 +33,12 @@ class FrameRecord:
         stamp: Seconds.
         pose: (4, 4) T_world_lidar; the world is the first scan's frame.
         covariance: (6, 6) of the motion since the scan before, as in `OdometryStep`.
-        status: 'registered', 'retried' or 'failed', as in `OdometryStep`.
+        status: 'registered', 'retried', 'degenerate' or 'failed', as in `OdometryStep`.
         inlier_ratio: Share of the matched points that fit the map, 0..1; NaN where nothing was registered.
         points: How many points the front end handed to the odometry.
         milliseconds: By the stages `STAGES`.
+        unobserved: (K, 6) unit vectors (rotation, translation) in the sensor's axes, along which a degenerate scan did
+            not hold the pose: there it is the prediction's. Of any other scan (0, 6).
     """
 
     index: int
@@ -45,6 +49,7 @@ class FrameRecord:
     inlier_ratio: float
     points: int
     milliseconds: dict[str, float]
+    unobserved: Array = field(default_factory=lambda: np.zeros((0, 6)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,5 +126,14 @@ class Run:
         """Frames by their status, and problems by their kind."""
         statuses = Counter(record.status for record in self.records)
         kinds = Counter(problem.kind for problem in self.problems)
-        known = {name: statuses[name] for name in ("registered", "retried", "failed")}
+        known = {name: statuses[name] for name in ("registered", "retried", "degenerate", "failed")}
         return {"frames": len(self.records), **known, **{kind.replace(" ", "_"): n for kind, n in kinds.items()}}
+
+    def notes(self) -> list[str]:
+        """What whoever reads the results should know, a sentence each."""
+        poses, found = self.odometry_poses, []
+        for number, record in enumerate(self.records):
+            if record.status == "degenerate":
+                motion = (se3.inverse(poses[number]) @ poses[max(number - 1, 0)])[:3, 3]
+                found.append(degeneracy.directions(record.unobserved, motion))
+        return [degeneracy.sentence(found, len(self.records))] if found else []

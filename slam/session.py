@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from slam import degeneracy
 from slam.data.atomic import write_text
 from slam.data.cloud import Array
 from slam.data.errors import InputError
@@ -101,13 +102,23 @@ def _write_ground_truth(run: Run, folder: Path) -> None:
 
 
 def _timings_csv(run: Run) -> str:
-    rows = [f"frame,stamp_s,status,inlier_ratio,points,{','.join(f'{stage}_ms' for stage in STAGES)}"]
+    """A row a frame. `unobserved_along` and `unobserved_about` say where a degenerate scan does not hold the pose: unit
+    vectors 'x y z' in the sensor's axes, of motion and of the axis of a turn; where there are several, '; ' between."""
+    stages = ",".join(f"{stage}_ms" for stage in STAGES)
+    rows = [f"frame,stamp_s,status,unobserved_along,unobserved_about,inlier_ratio,points,{stages}"]
     for record in run.records:
         times = ",".join(f"{record.milliseconds[stage]:.3f}" for stage in STAGES)
+        along, about = degeneracy.translations(record.unobserved), degeneracy.rotations(record.unobserved)
         rows.append(
-            f"{record.index},{record.stamp:.6f},{record.status},{record.inlier_ratio:.4f},{record.points},{times}"
+            f"{record.index},{record.stamp:.6f},{record.status},{_vectors(along)},{_vectors(about)},"
+            f"{record.inlier_ratio:.4f},{record.points},{times}"
         )
     return "\n".join(rows) + "\n"
+
+
+def _vectors(vectors: Array) -> str:
+    """(M, 3) as text; + 0.0 makes -0 0."""
+    return "; ".join(" ".join(f"{value:.3f}" for value in vector.round(3) + 0.0) for vector in vectors)
 
 
 def _report(run: Run) -> dict[str, Any]:
@@ -130,6 +141,7 @@ def _report(run: Run) -> dict[str, Any]:
         },
         "counts": run.counts(),
         "loops": _loops(run),
+        "notes": run.notes(),
         "problems": [problem.message for problem in run.problems],
         "timings_ms": {
             stage: {"median": _percentile(values, 50), "p95": _percentile(values, 95)}

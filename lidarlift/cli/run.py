@@ -69,13 +69,14 @@ def _summary(report: dict[str, Any]) -> str:
     of = {"map": "frame", "loops": "keyframe", "back_end": "keyframe"}
     known = {name: unit for name, unit in of.items() if name in times}
     beside = [f"{name.replace('_', ' ')} {times[name]['median']:.1f} ms a {unit}" for name, unit in known.items()]
+    notes = "".join(f"{note}\n" for note in report["notes"])
     return (
         f"{protocol['dataset']}, input {protocol['input']}, deskew {'on' if protocol['deskew'] else 'off'}, "
         f"vertical correction {protocol['vertical_correction_deg']:.3f} deg, "
         f"registration {odometry['registration']} against the {odometry['target']}\n"
         f"{counts['frames']} frames, {report['path_length_m']:.2f} m; {counts['retried']} registered after a search, "
         f"{counts['failed']} failed; map of {report['map_points']:,} points\n"
-        f"{_loops(report['loops'])}\n"
+        f"{notes}{_loops(report['loops'])}\n"
         f"Median: odometry {times['odometry']['median']:.1f} ms a frame; beside it {', '.join(beside)}\n"
     )
 

@@ -24,11 +24,12 @@ def line(length, count=101):
 def run_folder(tmp_path):
     """`run_folder("16", 101.0)`: a run, as far as a comparison reads it, whose path of 100 m was found 101 m long."""
 
-    def write(name, length, reference=100.0, failed=0):
+    def write(name, length, reference=100.0, failed=0, notes=()):
         folder = tmp_path / name
         folder.mkdir()
         report = {
             "counts": {"frames": 101, "failed": failed},
+            "notes": list(notes),
             "loops": {"keyframes": 50, "candidates": 9, "accepted": 7},
             "path_length_m": length,
             "map_points": 1_234_567,
@@ -59,6 +60,12 @@ def test_the_figures_of_each_input(run_folder):
     assert sixteen.table_iii_m.mean == pytest.approx(0.01)
     assert sixty_four.to_64_m is None
     assert (sixty_four.ate_m, sixty_four.failed) == (pytest.approx(0, abs=1e-9), 0)
+
+
+def test_what_a_run_notes_is_noted(run_folder):
+    comparison = compare_runs({"16": run_folder("a", 101.0, notes=["3 of 101 frames degenerate"])})
+    assert "3 of 101 frames degenerate" in comparison.inputs["16"].notes
+    assert "16: 3 of 101 frames degenerate" in format_comparison(comparison)
 
 
 def test_compare_json_keeps_its_keys(run_folder, tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,6 +18,7 @@ from slam.odometry import OdometryStep
 
 SIDE = 36.0  # metres, of a square block that is driven around
 AGAIN = 20.0  # metres on along its first side
+Status = Literal["registered", "degenerate"]
 STEP = 2.0  # metres from scan to scan, each of which becomes a keyframe
 
 
@@ -71,10 +74,10 @@ def drifting(poses: Array) -> Array:
     return np.array(result)
 
 
-def mapped(scans: list[PointCloud], poses: Array, *overrides: str) -> MappingResult:
+def mapped(scans: list[PointCloud], poses: Array, *overrides: str, status: Status = "registered") -> MappingResult:
     with Mapper(load_config(None, overrides)) as mapper:
         for position, (scan, pose) in enumerate(zip(scans, poses, strict=True)):
-            step = OdometryStep(pose, 1e-6 * np.eye(6), "registered", None, scan)
+            step = OdometryStep(pose, 1e-6 * np.eye(6), status, None, scan)
             mapper.add(position, Frame(position, 0.1 * position, scan), scan, step)
         return mapper.finish()
 
@@ -127,6 +130,15 @@ def test_keyframes_registered_anew_do_not_drift_as_the_odometry_does(scans: list
     off = distance(mapping.keyframes.poses, places)[-10:]
     assert distance(anew, places)[-10:].max() < 0.2 * off.min()
     np.testing.assert_array_equal(mapping.corrected(odometry), odometry)
+
+
+def test_degenerate_scans_make_keyframes_loops_and_map_as_others_do(
+    mapping: MappingResult, scans: list[PointCloud]
+) -> None:
+    degenerate = mapped(scans, drifting(way()), status="degenerate")
+    assert degenerate.loops == mapping.loops
+    assert degenerate.poses.tobytes() == mapping.poses.tobytes()
+    assert degenerate.map.xyz.tobytes() == mapping.map.xyz.tobytes()
 
 
 def test_failed_scans_make_no_keyframes(scans: list[PointCloud]) -> None:

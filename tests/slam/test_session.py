@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from slam.config import load_config
-from slam.data.cloud import Array
+from slam.data import se3
+from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 from slam.data.point_files import read_points
 from slam.data.pose_files import read_poses
-from slam.pipeline import Pipeline
+from slam.odometry import OdometryStep
+from slam.pipeline import Pipeline, Slam
 from slam.run import STAGES, Run
 from slam.session import read_report, save_odometry, save_run
 
@@ -67,7 +69,9 @@ def test_run_json_says_how_it_was_run(street_drive: Drive, tmp_path: Path) -> No
     assert protocol["versions"]["numpy"] == np.__version__
     assert len({"open3d", "open3d-cpu"} & protocol["versions"].keys()) == 1
     assert protocol["config"] == load_config().model_dump(mode="json")
-    assert report["counts"] == {"frames": 6, "registered": 5, "retried": 0, "failed": 1, "empty_scan": 1}
+    statuses = {"registered": 5, "retried": 0, "degenerate": 0, "failed": 1}
+    assert report["counts"] == {"frames": 6, **statuses, "empty_scan": 1}
+    assert report["notes"] == []
     assert "000005.bin" in report["problems"][0]
     assert report["timings_ms"].keys() == {*STAGES, "map", "loops", "back_end"}
     for stage in report["timings_ms"].values():
@@ -83,9 +87,56 @@ def test_timings_have_a_row_a_frame(street_drive: Drive, tmp_path: Path) -> None
     with (folder / "timings.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["frame"] for row in rows] == ["1", "2", "3", "4"]
-    assert rows[0].keys() == {"frame", "stamp_s", "status", "inlier_ratio", "points", *(f"{s}_ms" for s in STAGES)}
+    known = ("frame", "stamp_s", "status", "unobserved_along", "unobserved_about", "inlier_ratio", "points")
+    assert rows[0].keys() == {*known, *(f"{stage}_ms" for stage in STAGES)}
+    assert all(row["unobserved_along"] == row["unobserved_about"] == "" for row in rows)
     assert all(row["status"] == "registered" and int(row["points"]) > 10_000 for row in rows)
     assert all(float(row[f"{stage}_ms"]) >= 0 for row in rows for stage in STAGES)
+
+
+class Tunnel:
+    """An odometry that goes 1.4 m ahead each scan; of the last three scans it does not know how far."""
+
+    def __init__(self) -> None:
+        self._next = 0
+
+    def predict(self, stamp: float) -> Array:
+        return se3.exp(np.array([0, 0, 0, 1.4 * self._next, 0, 0]))
+
+    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
+        pose, self._next = self.predict(stamp), self._next + 1
+        if self._next <= 5:
+            return OdometryStep(pose, 1e-6 * np.eye(6), "registered", None, cloud)
+        unobserved = np.array([[0, 0, 0, -1.0, 0, 0], [0, 0, 0.6, 0, 0.8, 0]])[: 1 + (self._next == 8)]
+        return OdometryStep(pose, np.eye(6), "degenerate", None, cloud, unobserved)
+
+
+def test_degenerate_frames_are_told(street_scans: list[Array], tmp_path: Path) -> None:
+    with Slam(odometry=Tunnel()) as slam:
+        for number, scan in enumerate(street_scans):
+            record = slam.add(Frame(number, 0.1 * number, PointCloud(scan[:, :3], scan[:, 3])))
+        result = slam.finish()
+    assert record.status == "degenerate"
+    assert record.unobserved.shape == (2, 6)
+    folder = save_run(result, tmp_path / "run")
+    with (folder / "timings.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["status"] for row in rows] == ["registered"] * 5 + ["degenerate"] * 3
+    told = [(row["unobserved_along"], row["unobserved_about"]) for row in rows]
+    assert told[4:] == [
+        ("", ""),
+        ("1.000 0.000 0.000", ""),
+        ("1.000 0.000 0.000", ""),
+        ("1.000 0.000 0.000; 0.000 1.000 0.000", "0.000 0.000 1.000"),
+    ]
+    report = read_report(folder)
+    assert report["counts"] == {"frames": 8, "registered": 5, "retried": 0, "degenerate": 3, "failed": 0}
+    assert report["notes"] == result.notes()
+    (note,) = result.notes()
+    assert note == (
+        "3 of 8 frames degenerate: the scan did not hold the pose along the direction of travel in 3, "
+        "about z (heading) in 1, along y (sideways) in 1; the prediction was kept there"
+    )
 
 
 def test_truth_of_only_some_frames(street_drive: Drive, tmp_path: Path) -> None:

@@ -8,17 +8,19 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from slam.data.cloud import Array
+from slam.data.cloud import Array, PointCloud
 from slam.data.errors import InputError
 from slam.data.point_files import read_points
 from slam.data.pose_files import read_poses
 from slam.graph.back_end import BackEnd
+from slam.odometry import Odometry, OdometryStep
 from slam.session import read_report
 
 ODOMETRY = [
@@ -51,7 +53,7 @@ def test_run_writes_the_whole_folder(lidarlift: Command, street_drive: Drive, st
     folder = Path("here/run")
     report = read_report(folder)
     assert report["protocol"]["input"] == "64"
-    assert report["counts"] == {"frames": 8, "registered": 8, "retried": 0, "failed": 0}
+    assert report["counts"] == {"frames": 8, "registered": 8, "retried": 0, "degenerate": 0, "failed": 0}
     for stage in ("load", "front_end", "odometry", "map"):
         assert report["timings_ms"][stage].keys() == {"median", "p95"}
     for name in ("trajectory", "odometry"):
@@ -174,6 +176,25 @@ def test_poses_shorter_than_scans(lidarlift: Command, street_drive: Drive) -> No
     metrics = json.loads(Path("r/metrics.json").read_text())
     assert metrics["odometry"]["frames"] == 5
     assert "5 of 8 frames have a reference" in result.out
+
+
+def test_degenerate_frames_are_said_in_one_line(
+    lidarlift: Command, street_drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    register = Odometry.register
+
+    def in_a_tunnel(odometry: Odometry, cloud: PointCloud, stamp: float) -> OdometryStep:
+        step = register(odometry, cloud, stamp)
+        return replace(step, status="degenerate", unobserved=np.eye(6)[3:4]) if stamp > 0.45 else step
+
+    monkeypatch.setattr(Odometry, "register", in_a_tunnel)
+    result = lidarlift("run", street_drive(), "--out", "r")
+    assert result.code == 0, result.err
+    (line,) = [line for line in result.out.splitlines() if "degenerate" in line]
+    assert line == (
+        "3 of 8 frames degenerate: the scan did not hold the pose along the direction of travel; "
+        "the prediction was kept there"
+    )
 
 
 def test_damage_is_noted_once_a_kind(lidarlift: Command, street_drive: Drive) -> None:
