@@ -171,7 +171,8 @@ class Pipeline:
             InputError: No frames are left, a step asks for what the data do not have, or `strict` met a problem.
         """
         source = source_of(dataset, frames)
-        positions, sweep = source.positions or range(0), sweep_duration(dataset)
+        positions = source.positions or range(0)
+        sweep = sweep_duration(dataset, recorded.stamps if recorded else None)
         angle = vertical_correction(self.config.front_end, source.sensor)
         about: Any = {"sweep_duration": sweep, "vertical_correction": angle}
         odometry = recorded.steps(positions, **about) if recorded else None
@@ -203,14 +204,15 @@ def vertical_correction(settings: FrontEndSettings, sensor: Sensor | None) -> fl
     return own if angle is None else float(np.deg2rad(angle))
 
 
-def sweep_duration(dataset: Dataset) -> float:
+def sweep_duration(dataset: Dataset, stamps: Array | None = None) -> float:
     """Seconds that one sweep takes: the median of the stamps' differences, missing frames reckoned with.
 
-    Numbers that rise by more than one a sweep, as those of files that are named by their times, count no frames.
+    `stamps` (N,) [s] take the place of the data set's own. Numbers that rise by more than one a sweep, as of files that
+    are named by their times, count no frames.
     """
     if len(dataset) < 2:
         return SWEEP
-    steps = np.diff(dataset.stamps)
+    steps = np.diff(dataset.stamps if stamps is None else stamps)
     duration = float(np.median(steps / np.maximum(np.diff(dataset.numbers), 1)))
     if duration < LEAST_SWEEP:
         duration = float(np.median(steps))

@@ -49,6 +49,15 @@ def test_the_figures_of_a_drive():
     assert metrics.ate.origin.rmse > metrics.ate.aligned.rmse
 
 
+def test_a_stamp_that_repeats_belongs_to_its_own_pose(tmp_path):
+    """In a run folder, whose truth has the run's stamps."""
+    times = stamps()
+    times[40] = times[39]
+    for name in ("trajectory", "odometry", "ground_truth"):
+        (tmp_path / f"{name}_tum.txt").write_text(tum_text(times, drive()))
+    assert evaluate_run(tmp_path).slam.rpe.frame.max < 1e-6
+
+
 def test_a_standing_trajectory_is_evaluated_and_said_so():
     noise = 0.01 * np.random.default_rng(0).normal(size=(20, 3))
     estimate = standing()

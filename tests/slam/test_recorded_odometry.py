@@ -13,7 +13,7 @@ from slam.data.cloud import Array
 from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 from slam.data.pose_files import kitti_text, tum_text
-from slam.pipeline import Pipeline
+from slam.pipeline import Pipeline, sweep_duration
 from slam.recorded_odometry import RecordedOdometry
 
 Drive = Callable[..., Path]
@@ -39,6 +39,18 @@ def test_a_part_of_the_drive_has_its_part_of_the_poses(
     run = Pipeline().run(data, slice(3, 6), recorded=RecordedOdometry(tmp_path / "poses.txt", len(data)))
     np.testing.assert_allclose(run.poses, se3.inverse(street_poses[3]) @ street_poses[3:6], atol=1e-6)
     np.testing.assert_allclose(run.stamps, stamps[3:6])
+
+
+def test_a_sweep_takes_as_long_as_the_poses_stamps_say(
+    street_drive: Drive, street_poses: Array, tmp_path: Path
+) -> None:
+    """The drive has no stamps of its own: ten scans a second are assumed, but there was one every two seconds."""
+    path = street_drive()
+    (path / "times.txt").unlink()
+    (tmp_path / "poses.txt").write_text(tum_text(2.0 * np.arange(8), street_poses))
+    data, recorded = open_dataset(path), RecordedOdometry(tmp_path / "poses.txt", 8)
+    assert sweep_duration(data, recorded.stamps) == pytest.approx(2.0)
+    assert [problem.kind for problem in Pipeline().run(data, recorded=recorded).problems] == ["no time stamps"]
 
 
 def test_too_few_poses_are_refused(street_poses: Array, tmp_path: Path) -> None:
