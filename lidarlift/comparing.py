@@ -46,7 +46,7 @@ def compare(
         config: A preset's name or a YAML file.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
         frames: Positions in the data set, as in a list's slice.
-        strict: Stop at the first damaged file instead of going on.
+        strict: Stop at the first damage in the data instead of going on.
         reporter: Where progress and notes go.
 
     Returns:

@@ -47,7 +47,7 @@ def run(
         frames: Positions in the data set, as in a list's slice.
         odometry: A file with LiDAR poses of another odometry, one a scan, in place of ours.
         out: The folder for trajectory, map, metrics and the rest of a run folder; by default nothing is written.
-        strict: Stop at the first damaged file instead of going on.
+        strict: Stop at the first damage in the data instead of going on.
         reporter: Where progress and notes go.
 
     Returns:

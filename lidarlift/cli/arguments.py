@@ -28,7 +28,7 @@ FramesOption = Annotated[str, typer.Option(help="A slice of the drive, FROM:TO o
 SensorOption = Annotated[str | None, typer.Option(help=f"{', '.join(SENSORS.names())} or a YAML file with the beams.")]
 ConfigOption = Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")]
 SetOption = Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")]
-StrictOption = Annotated[bool, typer.Option("--strict", help="Stop at the first damaged file instead of going on.")]
+StrictOption = Annotated[bool, typer.Option("--strict", help="Stop at the first damage in the data.")]
 InputOption = Annotated[
     Input | None, typer.Option(help="64: the scan as recorded; 16: rings dropped; enriched: 16, the rest filled in.")
 ]
