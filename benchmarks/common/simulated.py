@@ -22,7 +22,7 @@ SPACING = 1.5  # m between their frames
 
 @dataclass(frozen=True)
 class Scene:
-    """A simulated drive and which of its frames are driven, None: all. Images are added by those who need them.
+    """A simulated drive and which of its frames odometries drive, None: all. Images are added by those who need them.
 
     Drives with an hdl64 are motion-compensated, as KITTI's odometry benchmark is, the others as recorded. Where lasers
     look aside (OS1, VLP-32C), points have times of their own in a folder; KITTI's files have none.
@@ -37,25 +37,27 @@ def _by(drive: str, sensor: str, **settings: Any) -> SimulationConfig:
     return SimulationConfig(drive, sensor=sensor, distort=True, camera=False, **settings)
 
 
+FIRST = slice(240)  # of long drives: what is new in them has come by then, and peers take a second a frame
+
 #: By the names that command lines and pages have.
 SCENES = {
-    "loop": Scene(SimulationConfig("loop", camera=False)),
+    "loop": Scene(SimulationConfig("loop", camera=False), FIRST),
     "straight": Scene(SimulationConfig("straight", camera=False)),
     "jam": Scene(SimulationConfig("jam", camera=False)),
-    "crawl": Scene(SimulationConfig("crawl", camera=False)),
+    "crawl": Scene(SimulationConfig("crawl", camera=False), FIRST),
     "motorway": Scene(SimulationConfig("motorway", camera=False)),
     "bridge": Scene(SimulationConfig("bridge", camera=False)),
-    "tunnel": Scene(SimulationConfig("tunnel", camera=False)),
+    "tunnel": Scene(SimulationConfig("tunnel", camera=False), FIRST),
     "lorries": Scene(SimulationConfig("lorries", camera=False)),
-    "traffic": Scene(SimulationConfig("traffic", camera=False)),
+    "traffic": Scene(SimulationConfig("traffic", camera=False), FIRST),
     "lorries-vls128": Scene(_by("lorries", "vls128", format="folder")),
-    "building-vlp16": Scene(_by("building", "vlp16")),
-    "building-os1-64": Scene(_by("building", "os1-64", format="folder")),
-    "straight-vlp16": Scene(_by("straight", "vlp16")),
-    "straight-vlp16-20hz": Scene(_by("straight", "vlp16", rate=20.0)),
-    "straight-vlp32c": Scene(_by("straight", "vlp32c", format="folder")),
-    "straight-os1-128": Scene(_by("straight", "os1-128", format="folder")),
-    "tunnel-vlp16": Scene(SimulationConfig("tunnel", sensor="vlp16", camera=False)),
+    "building-vlp16": Scene(_by("building", "vlp16"), slice(450)),
+    "building-os1-64": Scene(_by("building", "os1-64", format="folder"), slice(450)),
+    "straight-vlp16": Scene(_by("straight", "vlp16"), FIRST),
+    "straight-vlp16-20hz": Scene(_by("straight", "vlp16", rate=20.0), FIRST),
+    "straight-vlp32c": Scene(_by("straight", "vlp32c", format="folder"), FIRST),
+    "straight-os1-128": Scene(_by("straight", "os1-128", format="folder"), FIRST),
+    "tunnel-vlp16": Scene(SimulationConfig("tunnel", sensor="vlp16", camera=False), FIRST),
 }
 
 

@@ -72,6 +72,20 @@ def alternate(systems: Mapping[str, System], scans: Iterable[Scan]) -> dict[str,
     return runs
 
 
+def built(
+    names: Sequence[str], channels: str, dataset: Dataset, sweeps: int = 1
+) -> tuple[dict[str, System], dict[str, Run]]:
+    """Fresh systems as of `build`, and the runs of those that are not installed."""
+    ready: dict[str, System] = {}
+    missing: dict[str, Run] = {}
+    for name in names:
+        try:
+            ready[name] = build(name, channels, dataset, sweeps)
+        except ImportError as error:
+            missing[name] = Run(error=f"not installed, see `make peers` ({error})")
+    return ready, missing
+
+
 def warm_up(dataset: Dataset, frames: Sequence[Frame]) -> None:
     """Compile and import everything that is done lazily."""
     for channels in CHANNELS:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,12 @@ class OwnRun:
 def settings_of(name: str, data: Dataset, overrides: Sequence[str] = ()) -> OdometrySettings:
     """Those that lidarlift takes by itself for an input of a drive, but for `overrides`, as in `load_config`."""
     return load_config(overrides=overrides, input=inputs.channels(name, data)).odometry
+
+
+def base_sizes(name: str, data: Dataset) -> dict[str, Any]:
+    """Cells and voxels [m] of the odometry on an input of a drive, by the names of their settings."""
+    settings = settings_of(name, data)
+    return {size: getattr(settings, size) for size in ("cell_sizes", "voxel_size", "map_voxel_size")}
 
 
 def own_run(data: Dataset, frames: Iterable[Frame], name: str, overrides: Sequence[str] = ()) -> OwnRun:

@@ -34,15 +34,14 @@ from benchmarks.odometry import inputs
 from benchmarks.odometry.chosen_drives import ChosenDrive, add_drives, chosen_drives
 from benchmarks.odometry.dense import dense_trajectory
 from benchmarks.odometry.figures import figures
-from benchmarks.odometry.measure import UNCOUNTED, WARM_UP, Run, alternate
+from benchmarks.odometry.measure import UNCOUNTED, WARM_UP, Run, alternate, built
 from benchmarks.odometry.names import IN_SCENES, REFERENCE
 from benchmarks.odometry.path_errors import along_track_error, corrected, worst_frame
 from benchmarks.odometry.scenes_page import DEFAULT, page
-from benchmarks.odometry.systems import System, build
 from eval.evaluation import orthonormal
 from eval.trajectory import path_length
 from slam.data.cloud import Array
-from slam.data.dataset import Dataset, open_dataset
+from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 
 PACKAGES = ("numpy", "numba", "onnxruntime", "kiss-icp", "genz-icp", "small_gicp")
@@ -165,23 +164,11 @@ def in_own_process(measure: Callable[..., Measured], *case: Any, systems: Sequen
 def measured(path: Path, positions: Sequence[int], name: str, systems: Sequence[str]) -> Measured:
     """The systems by turns on the scans of a drive."""
     data, milliseconds = open_dataset(path), list[float]()
-    ready, missing = _built(systems, inputs.channels(name, data), data)
+    ready, missing = built(systems, inputs.channels(name, data), data)
     alternate(ready, inputs.scans(name, data, positions[:WARM_UP], []))  # compiles, imports; the systems are dropped
-    ready, _ = _built(systems, inputs.channels(name, data), data)
+    ready, _ = built(systems, inputs.channels(name, data), data)
     runs = alternate(ready, inputs.scans(name, data, positions, milliseconds)) | missing
     return {system: runs[system] for system in systems}, milliseconds
-
-
-def _built(names: Sequence[str], channels: str, data: Dataset) -> tuple[dict[str, System], dict[str, Run]]:
-    """Fresh systems, and the runs of those that are not installed."""
-    ready: dict[str, System] = {}
-    missing: dict[str, Run] = {}
-    for name in names:
-        try:
-            ready[name] = build(name, channels, data)
-        except ImportError as error:
-            missing[name] = Run(error=f"not installed, see `make peers` ({error})")
-    return ready, missing
 
 
 def _arguments() -> argparse.Namespace:

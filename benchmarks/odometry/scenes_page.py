@@ -127,8 +127,8 @@ def _measured(results: Results) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
 
 def _nearest(results: Results, about: Mapping[str, Any]) -> str:
     """By ATE; beside ours that of an earlier run on as many frames, where its figures are known."""
+    header: tuple[str, ...] = ("drive", "input", "nearest", "ATE m", f"{DEFAULT} m", "times", "rank")
     if "before" not in about:
-        header = ("drive", "input", "nearest", "ATE m", f"{DEFAULT} m", "times", "rank")
         return table(header, _ranks(results, "ate_m"), words=3)
     date, drives = about["before"]["date"], about["before"]["drives"]
     rows = []
@@ -136,7 +136,7 @@ def _nearest(results: Results, about: Mapping[str, Any]) -> str:
         same = drives.get(drive, {}).get("frames") == about["datasets"][drive]["frames"]
         earlier = number(drives[drive]["ate_m"].get(name), 3) if same else "-"
         rows.append((drive, name, *rank[:3], earlier, *rank[3:]))
-    header = ("drive", "input", "nearest", "ATE m", f"{DEFAULT} m", "before m", "times", "rank")
+    header = (*header[:5], "before m", *header[5:])
     return f"Before: `{DEFAULT}` as it was on {date}, on the same number of frames.\n\n" + table(header, rows, words=3)
 
 
