@@ -87,7 +87,9 @@ def _opened(name: str, frames: str | None, images: bool, trajectories: Path | No
         return ChosenDrive(name if name in ALONG else data.name, data, positions, name in ALONG)
     numbers = frame_numbers(name, chosen)
     if not numbers:
-        raise InputError(f"{name}: no frames in {frames}; the drive has {len(frame_numbers(name))}, from 0")
+        raise InputError(
+            f"{name}: no frames in {frames}; the drive has {len(frame_numbers(name, slice(None)))}, from 0"
+        )
     images &= SCENES[name].settings.sensor == "hdl64"  # sparser sensors are filled in without
     data = scene(name, images or None, numbers)
     return ChosenDrive(name, data, np.flatnonzero(np.isin(data.numbers, numbers)).tolist(), True)

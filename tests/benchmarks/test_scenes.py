@@ -162,6 +162,18 @@ def test_what_was_told_is_not_wrong_without_knowing() -> None:
     assert wrong_without_knowing({"tunnel": {"full": {"reason": None, "systems": systems}}}, {"tunnel": FACTS}) == []
 
 
+def test_the_error_that_was_told_is_told_apart() -> None:
+    truth = positions(*((float(x), 0) for x in range(6)))
+    poses = truth.copy()
+    poses[3:, 0, 3] -= 1.0  # it stands still in frame 3, and says so
+    run = Run(poses=list(poses), statuses=["registered"] * 3 + ["degenerate"] + ["registered"] * 2)
+    found = scenes.along(run, truth, np.arange(6))
+    assert found["along_track_m"] == pytest.approx(-1.0)
+    assert found["untold"] == pytest.approx({"path_length_m": 5.0, "along_track_m": 0.0})
+    peer = scenes.along(Run(poses=list(poses), statuses=[None] * 6), truth, np.arange(6))
+    assert peer["untold"] == pytest.approx({"path_length_m": 4.0, "along_track_m": -1.0})
+
+
 def test_the_page_has_the_ate_of_an_earlier_run_on_as_many_frames(tmp_path: Path) -> None:
     earlier = {"ate_m": 0.9}
     file = tmp_path / "scenes.json"
