@@ -37,6 +37,7 @@ the truth the last position lies.""",
 
 def page(found: Mapping[str, Any]) -> str:
     """`found` is the JSON file: rows by part, and "about"."""
+    note = f"\n{found['about']['note']}\n" if "note" in found["about"] else ""
     about, parts = found["about"], [part for part in TABLES if found.get(part)]
     text = f"""# Odometry, disturbed
 
@@ -45,7 +46,7 @@ def page(found: Mapping[str, Any]) -> str:
 ```
 {about["command"]}
 ```
-
+{note}
 {PROTOCOL}
 {table(("target", "worst", "limit", "cases met", "verdict"), targets(found))}"""
     for part in parts:

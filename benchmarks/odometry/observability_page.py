@@ -45,6 +45,7 @@ PROTOCOL = f"""\
 def page(found: Mapping[str, Any]) -> str:
     """`found` is the JSON file: the drives by name, [drive][input] -> figures, and "about"."""
     about, results = found["about"], without_about(found)
+    note = f"\n{found['about']['note']}\n" if "note" in found["about"] else ""
     cases = list(_cases(results))
     reach = ", ".join(sorted({f"{entry['reach_m']:g}" for _, _, entry in cases}))
     return f"""# What holds the odometry, and whether it knows
@@ -54,7 +55,7 @@ def page(found: Mapping[str, Any]) -> str:
 ```
 {about["command"]}
 ```
-
+{note}
 {PROTOCOL.format(reach=reach)}
 {table(("target", "figure", "limit", "verdict"), targets(results))}
 {table(HEADER, _kinds(cases), words=3)}

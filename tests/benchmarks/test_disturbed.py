@@ -80,7 +80,8 @@ def test_the_page_says_what_was_met() -> None:
         "sizes": [case | {"base_m": 0.01, "scaled_m": {"0.75": 0.02, "1.5": 0.012}}],
         "stops": [],
     }  # fmt: skip
-    told = page({"about": surroundings(()) | {"command": "none"}, **found})
+    told = page({"about": surroundings(()) | {"command": "none", "note": "In two parts."}, **found})
+    assert "```\n\nIn two parts.\n\nOur odometry" in told
     for line in (
         "| from the undisturbed run where the clock jumps [m] | 0.500 | <= 0.02 | 1 of 2 | missed |",
         "| error by KISS-ICP's, every 2nd and 3rd frame | 2.000 | <= 1 | 0 of 1 | missed |",
