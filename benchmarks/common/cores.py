@@ -6,6 +6,8 @@ os.environ.update(ONE_THREAD)     stands before the import of numpy: its librari
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "TBB_NUM_THREADS"), "1"
@@ -15,3 +17,12 @@ ONE_THREAD = dict.fromkeys(
 def pin_to_one_core() -> None:
     """This process and those that it starts, on Linux."""
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
+def output_of(module: str, *words: str) -> str | None:
+    """What a module prints as a program of its own, whose threads are not limited; None where it fails (stderr says
+    why)."""
+    free = {name: value for name, value in os.environ.items() if name not in ONE_THREAD}
+    command = [sys.executable, "-m", module, *words]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False, env=free)
+    return done.stdout if done.returncode == 0 else None

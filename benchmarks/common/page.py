@@ -7,7 +7,7 @@ import platform
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from operator import ge, le, lt
 from pathlib import Path
 from typing import Any
@@ -50,8 +50,15 @@ def surroundings(packages: Iterable[str]) -> dict[str, Any]:
         "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30),
         "load_average": round(os.getloadavg()[0], 2),
         "date": date.today().isoformat(),
-        "versions": {"python": platform.python_version()} | {name: version(name) for name in packages},
+        "versions": {"python": platform.python_version()} | {name: _version(name) for name in packages},
     }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return version(f"{package}-cpu")  # Open3D has two names
 
 
 def _command() -> str:

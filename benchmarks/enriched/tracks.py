@@ -7,20 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.odometry.nees import nees
+from benchmarks.odometry.systems import our_odometry
 from enrichment.enricher import Enricher
 from enrichment.geometry.sparse_scan import Method
 from eval.evaluation import evaluate_poses
 from slam.config import load_config
-from slam.data import se3
 from slam.data.cloud import Array, Frame
 from slam.data.dataset import Dataset
 from slam.front_end import FrontEnd, RingFrontEnd
-from slam.odometry import Odometry, OdometryStep
-from slam.pipeline import sweep_duration
 from slam.settings import OdometrySettings
 from slam.tracking import Tracker
-
-START = 5  # frames whose motion does not count for NEES: the first maps
 
 
 def front_ends(data: Dataset, methods: Mapping[str, Method]) -> dict[str, tuple[FrontEnd, OdometrySettings]]:
@@ -61,33 +58,21 @@ class Runner:
 
     def __call__(self, front_end: FrontEnd, settings: OdometrySettings) -> Track:
         """The front end is shown the past, as while driving."""
-        angle = self.data.sensor.vertical_correction if self.data.sensor else 0.0
-        odometry = Odometry(settings, sweep_duration=sweep_duration(self.data), vertical_correction=angle)
-        tracker = Tracker(front_end, odometry)
+        tracker = Tracker(front_end, our_odometry(settings, self.data))
         tracked = [tracker(frame) for frame in self.frames]
         steps = [each.step for each in tracked]
         front_end_ms, milliseconds = (
             float(np.median([each.milliseconds[stage] for each in tracked])) for stage in ("front_end", "odometry")
         )
+        poses = np.array([step.pose for step in steps])
+        covariances = np.array([step.covariance for step in steps])
         return Track(
-            poses=np.array([step.pose for step in steps]),
+            poses=poses,
             failed=sum(step.status == "failed" for step in steps),
             front_end_ms=front_end_ms,
             milliseconds=milliseconds,
-            nees=None if self.truth is None else nees(steps, self.truth),
+            nees=None if self.truth is None else nees(poses, covariances, self.truth),
         )
-
-
-def nees(steps: Sequence[OdometryStep], truth: Array) -> float:
-    """Normalised estimation error squared of the motion from frame to frame, mean, per degree of freedom (Bar-Shalom
-    et al., Estimation with Applications to Tracking and Navigation, 5.4.2): 1 where covariances are true."""
-    poses = np.array([step.pose for step in steps])
-    motion, true_motion = (se3.inverse(path[:-1]) @ path[1:] for path in (poses, truth))
-    values = []
-    for step, found, true in list(zip(steps[1:], motion, true_motion, strict=True))[START:]:
-        error = se3.log(se3.inverse(found) @ true)
-        values.append(error @ np.linalg.solve(step.covariance, error) / 6)
-    return float(np.mean(values))
 
 
 def apart(track: Track, reference: Track) -> float:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from benchmarks.common.simulated import simulated
+from benchmarks.common.simulated import ALONG, SPACING, along, simulated
 from slam.data.dataset import Dataset
 from slam.simulation.simulation import SimulationConfig
 
-DRIVES = ("loop", "05", "06", "07")
-SPACING = 1.5  # m between frames
+DRIVES = ("loop", *ALONG)
 
 
 def add_drives(parser: argparse.ArgumentParser) -> None:
@@ -21,5 +20,6 @@ def add_drives(parser: argparse.ArgumentParser) -> None:
 
 def drive(name: str, trajectories: Path) -> Dataset:
     """LiDAR only, simulated where the cache has it not yet."""
-    way = None if name == "loop" else trajectories / f"kitti_{name}_ground_truth.txt"
-    return simulated(name, SimulationConfig(trajectory=way, spacing=SPACING, camera=False))
+    if name in ALONG:
+        return along(name, trajectories)
+    return simulated(name, SimulationConfig(spacing=SPACING, camera=False))

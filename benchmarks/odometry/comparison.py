@@ -11,18 +11,21 @@ from benchmarks.odometry.figures import figures
 from benchmarks.odometry.measure import measure, warm_up
 from benchmarks.odometry.names import CHANNELS, REFERENCE, SYSTEMS
 from eval.trajectory import path_length
+from slam.data.cloud import Array
 from slam.data.dataset import open_dataset
 
 Memory = dict[str, dict[str, float]]  # by system
 
 
-def compare(path: Path, frames: slice, repeats: int, dense_file: Path | None, memory: Memory) -> tuple[str, Any, Any]:
-    """The drive's name, its figures [system][channels], and facts about it for the report."""
+def compare(path: Path, frames: slice, repeats: int, dense: Array | None, memory: Memory) -> tuple[str, Any, Any]:
+    """The drive's name, its figures [system][channels], and facts about it for the report.
+
+    dense  (N, 4, 4) of the dense yardstick, or None
+    """
     dataset = open_dataset(path)
     positions = np.arange(len(dataset))[frames]
     scans = [dataset[int(position)] for position in positions]
     truth = None if dataset.ground_truth is None else dataset.ground_truth[positions]
-    dense = None if dense_file is None else np.load(dense_file)
 
     warm_up(dataset, scans)
     entries: dict[str, Any] = {name: {} for name in SYSTEMS}

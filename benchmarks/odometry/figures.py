@@ -27,9 +27,15 @@ def figures(runs: Sequence[Run], kiss: Sequence[Run], truth: Array | None, dense
     return {
         **_timing(runs, kiss),
         **_accuracy([np.array(run.poses) for run in runs], truth, dense),
-        "failed_frames": max((run.failed_frames for run in runs if run.failed_frames is not None), default=None),
+        "failed_frames": _most(runs, "failed"),
+        "degenerate_frames": _most(runs, "degenerate"),
         "error": None,
     }
+
+
+def _most(runs: Sequence[Run], status: str) -> int | None:
+    """In how many frames a run had that status, at most; None where the system does not say."""
+    return max((count for run in runs if (count := run.count(status)) is not None), default=None)
 
 
 def _timing(runs: Sequence[Run], kiss: Sequence[Run]) -> Figures:

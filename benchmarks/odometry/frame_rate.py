@@ -11,19 +11,18 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from typing import Any
 
-from benchmarks.common.cores import ONE_THREAD, pin_to_one_core
+from benchmarks.common.cores import ONE_THREAD, output_of, pin_to_one_core
 
 os.environ.update(ONE_THREAD)
 
 from benchmarks.common.page import surroundings, write_results
 from benchmarks.common.script import add_results, parser, run_script
-from benchmarks.odometry.comparison import compare
+from benchmarks.odometry.comparison import Memory, compare
+from benchmarks.odometry.dense import dense_trajectory
 from benchmarks.odometry.drive_arguments import add_drives, as_slice
 from benchmarks.odometry.frame_rate_page import page
 from benchmarks.odometry.frame_rate_picture import draw
@@ -37,30 +36,20 @@ def main() -> None:
     arguments = _arguments()
     about = surroundings(PACKAGES) | {"datasets": {}, "repeats": arguments.repeats, "uncounted": UNCOUNTED}
     results: dict[str, Any] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        alone = [_alone(path, arguments.frames, Path(folder) / f"{i}.npy") for i, path in enumerate(arguments.datasets)]
-        pin_to_one_core()
-        for path, apart in zip(arguments.datasets, alone, strict=True):
-            name, entries, facts = compare(path, as_slice(arguments.frames), arguments.repeats, *apart)
-            results[name], about["datasets"][name] = entries, facts
+    alone = [(dense_trajectory(path, arguments.frames), _memory(path, arguments.frames)) for path in arguments.datasets]
+    pin_to_one_core()
+    for path, apart in zip(arguments.datasets, alone, strict=True):
+        name, entries, facts = compare(path, as_slice(arguments.frames), arguments.repeats, *apart)
+        results[name], about["datasets"][name] = entries, facts
     write_results(arguments.results, "frame_rate", {"about": about, **results}, page)
     draw(results, arguments.results / "frame_rate.png")
 
 
-def _alone(path: Path, frames: str, dense: Path) -> tuple[Path | None, dict[str, dict[str, float]]]:
-    """The file of the dense trajectory, None where that failed, and the memory of each system, empty where it did."""
-    print(f"{path.name}: dense trajectory and memory, in processes of their own", file=sys.stderr)
-    done = _in_own_process("dense", str(dense), path, frames) is not None
-    printed = {name: _in_own_process("memory", name, path, frames) for name in SYSTEMS}
-    return dense if done else None, {name: json.loads(text) if text else {} for name, text in printed.items()}
-
-
-def _in_own_process(script: str, what: str, drive: Path, frames: str) -> str | None:
-    """What the script prints, whose threads are not limited from here; None where it fails (stderr says why)."""
-    words = [sys.executable, "-m", f"benchmarks.odometry.{script}", what, str(drive), f"--frames={frames}"]
-    free = {name: value for name, value in os.environ.items() if name not in ONE_THREAD}
-    done = subprocess.run(words, stdout=subprocess.PIPE, text=True, check=False, env=free)
-    return done.stdout if done.returncode == 0 else None
+def _memory(path: Path, frames: str) -> Memory:
+    """Of each system, in a process of its own; empty where that failed (stderr says why)."""
+    print(f"{path.name}: memory", file=sys.stderr)
+    printed = {name: output_of("benchmarks.odometry.memory", name, str(path), f"--frames={frames}") for name in SYSTEMS}
+    return {name: json.loads(text) if text else {} for name, text in printed.items()}
 
 
 def _arguments() -> argparse.Namespace:

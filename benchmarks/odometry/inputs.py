@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from benchmarks.odometry.measure import Scan
-from benchmarks.odometry.systems import vertical_correction
+from benchmarks.odometry.systems import our_odometry
 from enrichment.methods.registry import LIFT, METHODS
 from lidarlift.front_ends import FEW_RINGS, front_end_for
 from slam.config import load_config
 from slam.data.cloud import Frame, History, PointCloud
 from slam.data.dataset import Dataset
 from slam.front_end import FrontEnd, RingFrontEnd
-from slam.odometry import Odometry
-from slam.pipeline import sweep_duration
 from slam.tracking import Tracker
 
 FULL, SPARSE = "full", "16"
 KEPT = 16  # rings of the sparse input
+IMAGELESS = (FULL, SPARSE, "ray-segment")
 DEFAULT = (FULL, SPARSE, "ray-segment", LIFT)
 
 
 def names() -> list[str]:
     """All inputs: the two that are measured, and a method of enrichment each."""
     return [FULL, SPARSE, *METHODS.names()]
+
+
+def add_inputs(parser: argparse.ArgumentParser, default: Sequence[str]) -> None:
+    """--inputs INPUT [INPUT ...]."""
+    parser.add_argument("--inputs", nargs="+", choices=names(), default=default, metavar="INPUT",
+                        help=f"some of {', '.join(names())}; by default {' '.join(default)}")  # fmt: skip
 
 
 def why_not(name: str, data: Dataset) -> str | None:
@@ -51,22 +57,25 @@ def channels(name: str, data: Dataset) -> str:
     return SPARSE if name == SPARSE else "enriched"
 
 
+def front_end(name: str, data: Dataset) -> FrontEnd:
+    """What makes the input of a drive's frames."""
+    if channels(name, data) == "enriched":
+        return front_end_for(load_config(input="enriched", enricher=name).front_end, data.sensor, data.path)
+    return RingFrontEnd(load_config().front_end, data.sensor) if name == FULL else EvenRings(data)
+
+
 def scans(name: str, data: Dataset, positions: Sequence[int], milliseconds: list[float]) -> Iterator[Scan]:
     """The clouds of a drive's frames, made one by one, with their stamps [s].
 
     What fills in is shown the past as our odometry places it, as while driving; what it takes goes to `milliseconds`.
     """
+    made = front_end(name, data)
     if channels(name, data) != "enriched":
-        front_end = RingFrontEnd(load_config().front_end, data.sensor) if name == FULL else EvenRings(data)
         for position in positions:
             frame = data[position]
-            yield front_end(frame, ()), frame.stamp
+            yield made(frame, ()), frame.stamp
         return
-    settings = load_config(input="enriched", enricher=name)
-    odometry = Odometry(
-        settings.odometry, sweep_duration=sweep_duration(data), vertical_correction=vertical_correction(data)
-    )
-    tracker = Tracker(front_end_for(settings.front_end, data.sensor, data.path), odometry)
+    tracker = Tracker(made, our_odometry(load_config(input="enriched").odometry, data))
     for position in positions:
         frame = data[position]
         tracked = tracker(frame)

@@ -25,11 +25,15 @@ Scan = tuple[PointCloud, float]
 
 @dataclass
 class Run:
-    """One system's run over a drive; `error` says at which scan and why it ended early."""
+    """One system's run over a drive.
+
+    statuses  by scan, of who says them, as in `OdometryStep`; None: of who does not
+    error     at which scan and why it ended early
+    """
 
     seconds: list[float] = field(default_factory=list)
     poses: list[Array] = field(default_factory=list)
-    failed_frames: int | None = None
+    statuses: list[str | None] = field(default_factory=list)
     error: str | None = None
 
     def step(self, system: System, scan: Scan) -> None:
@@ -41,10 +45,14 @@ class Run:
             if not np.isfinite(pose).all():
                 raise FloatingPointError("the pose is not finite")
             self.poses.append(pose)
+            self.statuses.append(system.status)
         except Exception as error:  # whatever a peer may raise: the others go on
             reason = " ".join(str(error).split()) or "no reason given"
             self.error = f"scan {len(self.poses)}: {type(error).__name__}: {reason}"
-        self.failed_frames = system.failed_frames
+
+    def count(self, status: str) -> int | None:
+        """How many scans have that status; None where the system does not say."""
+        return None if None in self.statuses else self.statuses.count(status)
 
 
 def front_end(dataset: Dataset, frames: Sequence[Frame], channels: str) -> list[Scan]:
@@ -62,6 +70,20 @@ def alternate(systems: Mapping[str, System], scans: Iterable[Scan]) -> dict[str,
             if runs[name].error is None:
                 runs[name].step(systems[name], scan)
     return runs
+
+
+def built(
+    names: Sequence[str], channels: str, dataset: Dataset, sweeps: int = 1
+) -> tuple[dict[str, System], dict[str, Run]]:
+    """Fresh systems as of `build`, and the runs of those that are not installed."""
+    ready: dict[str, System] = {}
+    missing: dict[str, Run] = {}
+    for name in names:
+        try:
+            ready[name] = build(name, channels, dataset, sweeps)
+        except ImportError as error:
+            missing[name] = Run(error=f"not installed, see `make peers` ({error})")
+    return ready, missing
 
 
 def warm_up(dataset: Dataset, frames: Sequence[Frame]) -> None:

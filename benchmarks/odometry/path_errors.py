@@ -1,4 +1,4 @@
-"""Where along the way a trajectory goes wrong: how far ahead it ends, and in which frame it errs most."""
+"""Where along the way a trajectory goes wrong: how far ahead it ends, where it errs most, what it knows of it."""
 
 from __future__ import annotations
 
@@ -41,3 +41,49 @@ def worst_frame(estimate: Array, truth: Array) -> tuple[int, float] | None:
     errors = np.linalg.norm((se3.inverse(true_motion) @ motion)[:, :3, 3], axis=1)
     worst = int(errors.argmax())
     return worst + 1, float(errors[worst])
+
+
+def errors_ahead(estimate: Array, truth: Array) -> Array:
+    """(N,) by how much the motion from the frame before goes too far ahead, too little where negative [m].
+
+    Ahead is where the sensor truly moves, see `directions`; 0 of the first frame, and where that is not known.
+
+    Args:
+        estimate: Poses (N, 4, 4).
+        truth: Poses (N, 4, 4) of the same instants.
+    """
+    motion, true_motion = (se3.inverse(path[:-1]) @ path[1:] for path in (estimate, truth))
+    ahead = np.nan_to_num(directions(truth)[:-1])
+    errors = np.einsum("ni,ni->n", ahead, (motion - true_motion)[:, :3, 3])
+    return np.concatenate([[0.0], errors])
+
+
+def directions(truth: Array) -> Array:
+    """(N, 3) unit vectors, in the sensor's axes, of where it moves: from the frame before to the one after, or to the
+    nearest ones that are ENOUGH apart. NaN where it never goes so far."""
+    found = np.full((len(truth), 3), np.nan)
+    for frame, pose in enumerate(truth):
+        reach = np.linalg.norm(truth[:, :3, 3] - pose[:3, 3], axis=1) >= ENOUGH / 2
+        before, after = np.flatnonzero(reach[:frame]), frame + np.flatnonzero(reach[frame:])
+        first, last = (before[-1] if len(before) else 0), (after[0] if len(after) else len(truth) - 1)
+        way = truth[last, :3, 3] - truth[first, :3, 3]
+        if np.linalg.norm(way) >= ENOUGH / 2:
+            found[frame] = pose[:3, :3].T @ way / np.linalg.norm(way)
+    return found
+
+
+def corrected(estimate: Array, truth: Array, told: Array) -> Array:
+    """The trajectory (N, 4, 4) that is left where what is told to be unsure is set right.
+
+    Args:
+        estimate: Poses (N, 4, 4).
+        truth: Poses (N, 4, 4) of the same instants.
+        told: (N,) frames whose pose was told to be unsure: the motions to them and from them are taken from the truth.
+    """
+    motion, true_motion = (se3.inverse(path[:-1]) @ path[1:] for path in (estimate, truth))
+    unsure = told[1:] | told[:-1]
+    motion[unsure] = true_motion[unsure]
+    poses = [estimate[0]]
+    for step in motion:
+        poses.append(se3.normalized(poses[-1] @ step))
+    return np.array(poses)

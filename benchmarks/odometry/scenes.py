@@ -2,14 +2,16 @@
 
     python -m benchmarks.odometry.scenes DRIVE [DRIVE ...] --inputs full 16 ray-segment lift
 
-DRIVE is a folder that lidarlift reads, or one of the simulated drives of benchmarks/common/simulated.py, simulated once
-into the user's cache. Writes scenes.md and .json in benchmarks/results; the JSON is [drive][input]["systems"][system],
-with "about" beside the drives. Linux only (pins to a core).
+DRIVE is a folder that lidarlift reads, or one of the simulated drives of benchmarks/common/simulated.py, or a town
+along the path of KITTI 05, 06 or 07 (with --trajectories), simulated once into the user's cache. A folder's drive is
+held against a dense trajectory, too. Writes scenes.md and .json in benchmarks/results; the JSON is
+[drive][input]["systems"][system], with "about" beside the drives. Linux only (pins to a core).
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import multiprocessing
 import os
 import sys
@@ -26,22 +28,20 @@ os.environ.update(ONE_THREAD)
 
 import numpy as np
 
-from benchmarks.common.page import surroundings, write_results
-from benchmarks.common.script import add_results, parser, run_script
-from benchmarks.common.simulated import SCENES, frame_numbers, scene
+from benchmarks.common.page import surroundings, without_about, write_results
+from benchmarks.common.script import RESULTS, add_results, parser, run_script
 from benchmarks.odometry import inputs
-from benchmarks.odometry.drive_arguments import add_frames, as_slice
+from benchmarks.odometry.chosen_drives import ChosenDrive, add_drives, chosen_drives
+from benchmarks.odometry.dense import dense_trajectory
 from benchmarks.odometry.figures import figures
-from benchmarks.odometry.measure import UNCOUNTED, WARM_UP, Run, alternate
+from benchmarks.odometry.measure import UNCOUNTED, WARM_UP, Run, alternate, built
 from benchmarks.odometry.names import IN_SCENES, REFERENCE
-from benchmarks.odometry.path_errors import along_track_error, worst_frame
-from benchmarks.odometry.scenes_page import page
-from benchmarks.odometry.systems import System, build
-from enrichment.methods.registry import LIFT
+from benchmarks.odometry.path_errors import along_track_error, corrected, worst_frame
+from benchmarks.odometry.scenes_page import DEFAULT, page
 from eval.evaluation import orthonormal
 from eval.trajectory import path_length
 from slam.data.cloud import Array
-from slam.data.dataset import Dataset, chosen_positions, open_dataset
+from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 
 PACKAGES = ("numpy", "numba", "onnxruntime", "kiss-icp", "genz-icp", "small_gicp")
@@ -50,50 +50,67 @@ PACKAGES = ("numpy", "numba", "onnxruntime", "kiss-icp", "genz-icp", "small_gicp
 def main() -> None:
     arguments = _arguments()
     about = surroundings(PACKAGES) | {"datasets": {}, "uncounted": UNCOUNTED}
+    about["before"] = before(arguments.before)
     results: dict[str, Any] = {}
-    for drive in arguments.drives:
-        name, data, positions = opened(drive, arguments.frames, camera=LIFT in arguments.inputs)
-        truth = None if data.ground_truth is None else data.ground_truth[positions]
-        about["datasets"][name] = facts(data, positions, truth)
-        results[name] = {each: entry(data, positions, truth, each) for each in arguments.inputs}
+    for drive in chosen_drives(arguments, images=not set(arguments.inputs) <= set(inputs.IMAGELESS)):
+        dense = None if drive.simulated else dense_trajectory(drive.data.path, arguments.frames or ":")
+        about["datasets"][drive.name] = facts(drive) | {"dense_failed": dense is None and not drive.simulated}
+        results[drive.name] = {each: entry(drive, dense, each) for each in arguments.inputs}
         write_results(arguments.results, "scenes", {"about": about, **results}, page)  # after each, for it takes long
 
 
-def opened(drive: str, frames: str | None, camera: bool) -> tuple[str, Dataset, list[int]]:
-    """A drive's name, the drive, and the positions of its frames that are driven. Raises InputError."""
-    chosen = None if frames is None else as_slice(frames)
-    if drive not in SCENES:
-        data = open_dataset(drive)
-        return data.name, data, list(chosen_positions(data, chosen or slice(None)))
-    numbers = frame_numbers(drive, chosen)
-    camera &= SCENES[drive].settings.sensor == "hdl64"  # sparser sensors are filled in without one
-    data = scene(drive, camera, numbers)
-    return drive, data, np.flatnonzero(np.isin(data.numbers, numbers)).tolist()
+def before(path: Path) -> dict[str, Any]:
+    """The date of an earlier run's file, and of its drives the number of frames and our default's ATE [m] by input.
+
+    Raises InputError where it is no such file.
+    """
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        drives = {
+            drive: {
+                "frames": found["about"]["datasets"][drive]["frames"],
+                "ate_m": {
+                    name: each["systems"][DEFAULT].get("ate_m")
+                    for name, each in by_input.items()
+                    if each["reason"] is None
+                },
+            }
+            for drive, by_input in without_about(found).items()
+        }
+        return {"date": found["about"]["date"], "drives": drives}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{path}: not a file of this script ({error!r}); name the scenes.json of another run"
+        ) from error
 
 
-def facts(data: Dataset, positions: Sequence[int], truth: Array | None) -> dict[str, Any]:
+def facts(drive: ChosenDrive) -> dict[str, Any]:
     """What is driven, for the report."""
+    data, truth = drive.data, drive.truth
     known = None if truth is None else truth[np.isfinite(truth[:, 0, 0])]
     return {
-        "frames": len(positions),
-        "first": int(data.numbers[positions[0]]),
-        "last": int(data.numbers[positions[-1]]),
+        "frames": len(drive.positions),
+        "first": int(drive.numbers[0]),
+        "last": int(drive.numbers[-1]),
         "sensor": None if data.sensor is None else data.sensor.name,
         "rings": None if data.sensor is None else data.sensor.ring_count,
         "truth_path_length_m": None if known is None or len(known) == 0 else path_length(known),
     }
 
 
-def entry(data: Dataset, positions: Sequence[int], truth: Array | None, name: str) -> dict[str, Any]:
-    """What the JSON has of a drive and an input; only `reason` where the drive does not have it."""
-    reason = inputs.why_not(name, data)
+def entry(drive: ChosenDrive, dense: Array | None, name: str) -> dict[str, Any]:
+    """What the JSON has of a drive and an input; only `reason` where the drive does not have it.
+
+    dense  (N, 4, 4) of the dense yardstick, or None
+    """
+    reason = inputs.why_not(name, drive.data)
     if reason:
         return {"reason": reason}
     start = perf_counter()
-    runs, milliseconds = in_own_process(measured, data.path, positions, name)
-    print(f"{data.path}: {name}, {len(positions)} frames: {perf_counter() - start:.0f} s", file=sys.stderr)
+    runs, milliseconds = in_own_process(measured, drive.data.path, drive.positions, name)
+    print(f"{drive.name}: {name}, {len(drive.positions)} frames: {perf_counter() - start:.0f} s", file=sys.stderr)
     systems = {
-        system: figures([run], [runs[REFERENCE]], truth, None) | along(run, truth, data.numbers[positions])
+        system: figures([run], [runs[REFERENCE]], drive.truth, dense) | along(run, drive.truth, drive.numbers)
         for system, run in runs.items()
     }
     return {
@@ -104,8 +121,9 @@ def entry(data: Dataset, positions: Sequence[int], truth: Array | None, name: st
 
 
 def along(run: Run, truth: Array | None, numbers: Array) -> dict[str, Any]:
-    """Where along the way it errs; `worst_frame` is the number of that frame's file."""
-    nothing = {"along_track_m": None, "worst_m": None, "worst_frame": None}
+    """Where along the way it errs; `worst_frame` is the number of that frame's file, `untold` what is left of the error
+    where frames that it called degenerate or lost are set right."""
+    nothing: dict[str, Any] = {"along_track_m": None, "worst_m": None, "worst_frame": None, "untold": None}
     if run.error or truth is None:
         return nothing
     known = np.flatnonzero(np.isfinite(truth[:, 0, 0]))
@@ -113,10 +131,13 @@ def along(run: Run, truth: Array | None, numbers: Array) -> dict[str, Any]:
     worst = worst_frame(estimate, reference)
     if worst is None:
         return nothing
+    told = np.isin(np.array(run.statuses, dtype=object)[known], ("degenerate", "failed"))
+    left = corrected(estimate, reference, told)
     return {
         "along_track_m": along_track_error(estimate, reference),
         "worst_m": worst[1],
         "worst_frame": int(numbers[known[worst[0]]]),
+        "untold": {"path_length_m": path_length(left), "along_track_m": along_track_error(left, reference)},
     }
 
 
@@ -143,37 +164,21 @@ def in_own_process(measure: Callable[..., Measured], *case: Any, systems: Sequen
 def measured(path: Path, positions: Sequence[int], name: str, systems: Sequence[str]) -> Measured:
     """The systems by turns on the scans of a drive."""
     data, milliseconds = open_dataset(path), list[float]()
-    ready, missing = _built(systems, inputs.channels(name, data), data)
+    ready, missing = built(systems, inputs.channels(name, data), data)
     alternate(ready, inputs.scans(name, data, positions[:WARM_UP], []))  # compiles, imports; the systems are dropped
-    ready, _ = _built(systems, inputs.channels(name, data), data)
+    ready, _ = built(systems, inputs.channels(name, data), data)
     runs = alternate(ready, inputs.scans(name, data, positions, milliseconds)) | missing
     return {system: runs[system] for system in systems}, milliseconds
 
 
-def _built(names: Sequence[str], channels: str, data: Dataset) -> tuple[dict[str, System], dict[str, Run]]:
-    """Fresh systems, and the runs of those that are not installed."""
-    ready: dict[str, System] = {}
-    missing: dict[str, Run] = {}
-    for name in names:
-        try:
-            ready[name] = build(name, channels, data)
-        except ImportError as error:
-            missing[name] = Run(error=f"not installed, see `make peers` ({error})")
-    return ready, missing
-
-
 def _arguments() -> argparse.Namespace:
     arguments = parser(__doc__)
-    arguments.add_argument("drives", nargs="+", metavar="DRIVE", help=f"a folder, or one of {', '.join(SCENES)}")
-    arguments.add_argument("--inputs", nargs="+", choices=inputs.names(), default=inputs.DEFAULT, metavar="INPUT",
-                           help=f"some of {', '.join(inputs.names())}; by default %(default)s")  # fmt: skip
-    add_frames(arguments, None)
+    add_drives(arguments)
+    inputs.add_inputs(arguments, inputs.DEFAULT)
+    arguments.add_argument("--before", type=Path, default=RESULTS / "scenes_before.json", metavar="JSON",
+                           help="scenes.json of an earlier run, whose ATE stands beside ours")  # fmt: skip
     add_results(arguments)
-    found = arguments.parse_args()
-    for drive in found.drives:
-        if drive not in SCENES and not Path(drive).is_dir():
-            raise InputError(f"{drive}: no such folder, and no simulated drive; there are {', '.join(SCENES)}")
-    return found
+    return arguments.parse_args()
 
 
 if __name__ == "__main__":

@@ -12,14 +12,14 @@ from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset
 from slam.odometry import Odometry
 from slam.pipeline import sweep_duration
-from slam.settings import Config
+from slam.settings import Config, OdometrySettings
 
 
 class System(Protocol):
-    """An odometry from constant velocity; `failed_frames` counts predictions kept, None where a system does not say."""
+    """An odometry from constant velocity; `status` of the last scan as in `OdometryStep`, None of peers."""
 
     @property
-    def failed_frames(self) -> int | None: ...
+    def status(self) -> str | None: ...
     def register(self, cloud: PointCloud, stamp: float) -> Array: ...
 
 
@@ -27,23 +27,21 @@ class Ours:
     """lidarlift's odometry as `lidarlift run` sets it up."""
 
     def __init__(self, config: Config, dataset: Dataset) -> None:
-        self._odometry = Odometry(
-            config.odometry, sweep_duration=sweep_duration(dataset), vertical_correction=vertical_correction(dataset)
-        )
-        self.failed_frames = 0
+        self._odometry = our_odometry(config.odometry, dataset)
+        self.status: str | None = None
 
     def register(self, cloud: PointCloud, stamp: float) -> Array:
         step = self._odometry.register(cloud, stamp)
-        self.failed_frames += step.status == "failed"
+        self.status = step.status
         return step.pose
 
 
 class Theirs:
-    """One of peers.py, on one thread."""
+    """One of peers.py, on one thread; `sweeps` from one scan to the next."""
 
-    failed_frames = None
+    status = None
 
-    def __init__(self, name: str, dataset: Dataset) -> None:
+    def __init__(self, name: str, dataset: Dataset, sweeps: int = 1) -> None:
         from benchmarks.odometry import peers  # here: the memory of ours is measured without them
 
         kinds: dict[str, Callable[..., peers.Peer]] = {
@@ -54,17 +52,23 @@ class Theirs:
             **{each: partial(peers.GenZ, configuration=configuration) for each, configuration in GENZ.items()},
         }
         self._peer = kinds[name](vertical_correction(dataset), threads=1)
+        self._peer.sweeps = sweeps
 
     def register(self, cloud: PointCloud, stamp: float) -> Array:
         del stamp  # the peers take scans to be evenly spaced
         return self._peer.register(cloud)
 
 
-def build(name: str, channels: str, dataset: Dataset) -> System:
-    """A fresh system of that name for `channels` of the data set's sensor."""
+def build(name: str, channels: str, dataset: Dataset, sweeps: int = 1) -> System:
+    """A fresh system of that name for `channels` of the data set's sensor, which turns `sweeps` times a scan."""
     if name in OURS:
         return Ours(load_config(OURS[name], input=channels), dataset)
-    return Theirs(name, dataset)
+    return Theirs(name, dataset, sweeps)
+
+
+def our_odometry(settings: OdometrySettings, dataset: Dataset) -> Odometry:
+    """As `lidarlift run` sets it up for the data set."""
+    return Odometry(settings, sweep_duration=sweep_duration(dataset), vertical_correction=vertical_correction(dataset))
 
 
 def vertical_correction(dataset: Dataset) -> float:

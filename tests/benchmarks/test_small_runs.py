@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks.common import page as pages
 from benchmarks.common.page import surroundings, target, verdict
 from benchmarks.enriched.tracks import Runner, apart, front_ends, rmse
 from benchmarks.loops import places
@@ -28,6 +30,16 @@ def test_met_and_missed() -> None:
     assert target("time [ms]", 4.96, "<=", 5, 1) == ("time [ms]", "5.0", "<= 5", "met")
     assert [verdict(2.0, relation, 2.0) for relation in (">=", "<=", "≥", "≤", "<")] == ["met"] * 4 + ["missed"]
     assert verdict(None, ">=", 1.0) == "-"
+
+
+def test_open3d_is_found_by_either_of_its_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    def version(name: str) -> str:
+        if name != "open3d-cpu":
+            raise PackageNotFoundError(name)
+        return "0.20.0"
+
+    monkeypatch.setattr(pages, "version", version)
+    assert surroundings(("open3d",))["versions"]["open3d"] == "0.20.0"
 
 
 def test_odometry_beside_its_peers(street_drive: Street, tmp_path: Path) -> None:

@@ -1,0 +1,59 @@
+"""Our odometry alone over a drive, and all that it says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.odometry import inputs
+from benchmarks.odometry.systems import our_odometry
+from slam.config import load_config
+from slam.data.cloud import Array, Frame
+from slam.data.dataset import Dataset
+from slam.settings import OdometrySettings
+from slam.tracking import Tracker
+
+
+@dataclass(frozen=True, eq=False)
+class OwnRun:
+    """What the odometry said of N frames: see `OdometryStep`.
+
+    poses        (N, 4, 4)
+    covariances  (N, 6, 6)
+    statuses     (N,) text
+    unobserved   N arrays (K, 6)
+    """
+
+    poses: Array
+    covariances: Array
+    statuses: Array
+    unobserved: list[Array]
+
+    def share(self, status: str, of: Array) -> float | None:
+        """Of the frames in a mask (N,), those with that status; None of none."""
+        return float((self.statuses[of] == status).mean()) if of.any() else None
+
+
+def settings_of(name: str, data: Dataset, overrides: Sequence[str] = ()) -> OdometrySettings:
+    """Those that lidarlift takes by itself for an input of a drive, but for `overrides`, as in `load_config`."""
+    return load_config(overrides=overrides, input=inputs.channels(name, data)).odometry
+
+
+def base_sizes(name: str, data: Dataset) -> dict[str, Any]:
+    """Cells and voxels [m] of the odometry on an input of a drive, by the names of their settings."""
+    settings = settings_of(name, data)
+    return {size: getattr(settings, size) for size in ("cell_sizes", "voxel_size", "map_voxel_size")}
+
+
+def own_run(data: Dataset, frames: Iterable[Frame], name: str, overrides: Sequence[str] = ()) -> OwnRun:
+    """Our odometry on an input, one of `inputs.names()`, of these frames of a drive."""
+    tracker = Tracker(inputs.front_end(name, data), our_odometry(settings_of(name, data, overrides), data))
+    steps = []
+    for frame in frames:
+        step = tracker(frame).step
+        steps.append((step.pose, step.covariance, step.status, step.unobserved))  # not the cloud: memory
+    poses, covariances, statuses, unobserved = zip(*steps, strict=True)
+    return OwnRun(np.array(poses), np.array(covariances), np.array(statuses), list(unobserved))
