@@ -24,7 +24,7 @@ from benchmarks.loops.revisits import WRONG, as_recorded, draw_detection, drifti
 from eval.evaluation import evaluate_poses
 from eval.text import number
 from eval.trajectory import distances
-from lidarlift.front_ends import front_end_for
+from lidarlift.front_ends import front_end_maker
 from slam.compilation import compile_kernels
 from slam.config import load_config
 from slam.data import se3
@@ -72,7 +72,7 @@ def measured(name: str, data: Dataset, channels: str) -> dict[str, Any]:
     truth = data.ground_truth
     assert truth is not None
     begin = time.perf_counter()
-    pipeline = Pipeline(config, front_end_for(config.front_end, data.sensor, data.path))
+    pipeline = Pipeline(config, front_end_maker(config.front_end, data.sensor, data.path))
     run = pipeline.run(data)
     seconds = time.perf_counter() - begin
     waiting = float(np.mean([record.milliseconds["waiting"] for record in run.records]))
