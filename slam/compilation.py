@@ -27,6 +27,7 @@ def compile_kernels(config: Config, notify: Callable[[], None]) -> None:
         odometry = Odometry(config.odometry, vertical_correction=0.01)
         for stamp in (0.0, 0.1, 0.2):
             odometry.register(cloud, stamp)
+        assert odometry.target is not None
         odometry.target.evict(np.zeros(3), 1.0)
         keyframes = Keyframes(config.keyframes)
         keyframes.add(cloud, np.eye(4), 0, 0.0)

@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
 
+from slam.cell_sizes import sized
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.data.distortion import correct_vertical, deskew
 from slam.registration.icp import IcpTarget
 from slam.registration.ndt import NdtTarget
+from slam.registration.observability import unobserved
 from slam.registration.result import RegistrationResult
 from slam.registration.voxels import VoxelFilter
 from slam.settings import OdometrySettings
 
 MIN_POINTS = 50  # a thinned scan with fewer is not registered: an empty or all but empty file
-GAP = 5.0  # sweeps without a scan: the prediction is not trusted then, it is searched around
+SHORTEST, GAP = (
+    0.2,
+    5.0,
+)  # sweeps between two stamps: less makes no sense; after more, the prediction is searched around
 EVICT_EVERY = 5.0  # m of way between two clean-ups of the map
 LOST_AFTER = 5  # so many failures in a row, and the map starts anew where the sensor is thought to be
 SEARCH_STEP = 0.5  # m, below the reach of a coarse cell
 SEARCH_TURNS = np.deg2rad([4, -4, 8, -8, 12, -12, 16, -16])  # about the vertical: a sharp corner in one frame
+TRIED_MOVES, TRIED_TURNS = 8, 3  # of a search's starts, that are registered
 USUAL_OVERLAP, OVERLAP_MEMORY = 0.8, 10  # share of the mean overlap of so many scans that none falls below in passing
 ENDS = 2  # of a motion: the scan before was registered with an error as well
 FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m: what a pose kept from the prediction is worth
+ACCELERATION = 1.0  # m/s^2, 1 sigma: what a velocity that is not observed may change by
 
 
 class Target(Protocol):
@@ -34,8 +42,8 @@ class Target(Protocol):
     def clear(self) -> None: ...
     def insert(self, xyz: Array, weight: Array, pose: Array) -> None: ...
     def evict(self, centre: Array, radius: float) -> None: ...
-    def score(self, xyz: Array, weight: Array, pose: Array) -> float: ...
-    def align(self, xyz: Array, weight: Array, guess: Array) -> RegistrationResult: ...
+    def scorer(self, xyz: Array, weight: Array, centre: Array) -> Callable[[Array], float]: ...
+    def align(self, xyz: Array, weight: Array, guess: Array, locked: Array = ...) -> RegistrationResult: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +73,14 @@ class Odometry:
     def __init__(
         self, settings: OdometrySettings, *, sweep_duration: float = 0.1, vertical_correction: float = 0.0
     ) -> None:
-        self.settings = settings
+        self.settings = settings  # sizes that are None are filled in with the first scan
         self.sweep_duration, self.vertical_correction = sweep_duration, vertical_correction  # s, rad
-        self._unseen = np.diag([np.deg2rad(settings.unseen_tilt_deg) ** 2] * 2 + [0.0] * 4)
-        self.target = _target(settings)
-        self._thin = VoxelFilter(settings.map_voxel_size, settings.min_range, settings.max_range)
-        self._thin_more = VoxelFilter(settings.voxel_size)
+        self.target: Target | None = None  # with the first scan
         self._pose, self._stamp = np.eye(4), float("nan")  # of the last scan that was registered
         self._velocity = np.zeros(6)  # rad/s, m/s in the sensor's axes
         self._registered = self._failures = 0
         self._jumps = self._squared_jumps = self._overlap = 0.0
+        self._unobserved, self._unobserved_for = np.zeros((0, 3)), 0.0  # in the map's axes; since so many seconds
         self._evicted_at = np.zeros(3)
 
     def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
@@ -82,6 +88,10 @@ class Odometry:
         prediction = self.predict(stamp)
         scan = deskew(cloud, se3.exp(self._velocity * self.sweep_duration))
         scan = correct_vertical(scan, self.vertical_correction)
+        if self.target is None and len(scan) >= MIN_POINTS:
+            self._begin(scan)
+        if self.target is None:
+            return self._kept(prediction, scan)
         map_points = self._thin(scan.xyz, self._weights(scan))[:2]
         points = self._thin_more(*map_points)[:2]
 
@@ -90,16 +100,26 @@ class Odometry:
         elif len(self.target) == 0:
             step = OdometryStep(prediction, 1e-12 * np.eye(6), "registered", None, scan)
         else:
-            step = self._registered_step(points, prediction, scan, stamp)
+            step = self._registered_step(self.target, points, prediction, scan, stamp)
 
         if step.status != "failed":
             self._follow(step, stamp)
-        self._remember(step, map_points)
+        self._remember(self.target, step, map_points)
         return step
 
     def predict(self, stamp: float) -> Array:
         """Pose (4, 4) at `stamp` if the velocity has stayed as it was at the last registered scan."""
         return self._pose @ se3.exp(self._velocity * self._elapsed(stamp))
+
+    def _begin(self, scan: PointCloud) -> None:
+        """Cells and thinning, from the first scan."""
+        self.settings = settings = sized(self.settings, scan.xyz)
+        assert (
+            settings.cell_sizes and settings.voxel_size and settings.map_voxel_size and settings.min_range is not None
+        )
+        self._thin = VoxelFilter(settings.map_voxel_size, settings.min_range, settings.max_range)
+        self._thin_more = VoxelFilter(settings.voxel_size)
+        self.target = _target(settings, settings.cell_sizes)
 
     def _weights(self, scan: PointCloud) -> Array:
         """(N,) float32: 1 for a point that is sure enough, less for one whose range is less certain."""
@@ -108,53 +128,69 @@ class Odometry:
 
     def _elapsed(self, stamp: float) -> float:
         """Seconds since the last registered scan; one sweep where the stamps make no sense."""
-        return stamp - self._stamp if stamp > self._stamp else self.sweep_duration
+        elapsed = stamp - self._stamp
+        return elapsed if elapsed >= SHORTEST * self.sweep_duration else self.sweep_duration
 
-    def _registered_step(self, points: Points, prediction: Array, scan: PointCloud, stamp: float) -> OdometryStep:
-        status: Literal["registered", "retried"] = "registered"
+    def _registered_step(
+        self, target: Target, points: Points, prediction: Array, scan: PointCloud, stamp: float
+    ) -> OdometryStep:
+        status: Literal["registered", "retried", "degenerate"] = "registered"
         gap = self._failures > 0 or self._elapsed(stamp) > GAP * self.sweep_duration
-        searching = self._registered < 2 or gap
-        found = self._search(points, prediction) if searching else self.target.align(*points, prediction)
-        expected = self._sound(found) and self._usual(found) and self._jump(prediction, found.pose) < self._gate()
-        if not searching and not expected:
-            status, found = "retried", self._search(points, prediction, found)
-        if not self._sound(found):
+        if self._registered < 2 or gap:
+            found = self._search(target, points, self._centres(prediction))
+        else:
+            found = target.align(*points, prediction, self._unobserved)
+            if not self._expected(prediction, found):
+                status, found = "retried", self._search(target, points, [prediction], found)
+        lost = unobserved(found.support, found.tilt, self._unobserved) if self._registered > 1 else self._unobserved
+        if len(lost) and not np.array_equal(lost, self._unobserved):
+            found = target.align(*points, prediction, lost)
+        if not self._sound(found, lost):
             return self._kept(prediction, scan, found)
-        way = float(np.linalg.norm(found.pose[:3, 3] - self._pose[:3, 3]))
-        return OdometryStep(found.pose, ENDS * found.sandwich + way * self._unseen, status, found, scan)
+        self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
+        self._unobserved = lost
+        if not len(lost):
+            return OdometryStep(found.pose, ENDS * found.sandwich, status, found, scan)
+        directions = _all_unobserved(lost @ found.pose[:3, :3])
+        covariance = self._drifting(ENDS * found.sandwich, directions, stamp)
+        return OdometryStep(found.pose, covariance, "degenerate", found, scan, directions)
 
-    def _search(self, points: Points, centre: Array, *found: RegistrationResult) -> RegistrationResult:
-        """The best of registrations started all around `centre`, and of those `found` already.
+    def _centres(self, prediction: Array) -> list[Array]:
+        """What is searched around after a gap: the clock may have been stepped, or scans may be missing."""
+        return [prediction, self.predict(self._stamp + self.sweep_duration), self._pose]
 
-        The coarse level judges, before and after: against a single scan the fine one prefers to stand still, for the
-        rings fall into the cells that they made.
-        """
+    def _search(
+        self, target: Target, points: Points, centres: list[Array], *found: RegistrationResult
+    ) -> RegistrationResult:
+        """The best of registrations started all around `centres`, and of those `found` already."""
         xyz, weight = points
-
-        def score(pose: Array) -> float:
-            return self.target.score(xyz, weight, pose)
-
-        moves, arcs = [centre], []
-        for radius in np.arange(0.0, self.settings.search_radius + 1e-9, SEARCH_STEP):
-            arcs += [centre @ se3.exp(np.array([0, 0, turn, radius, 0, 0])) for turn in SEARCH_TURNS]
-            for heading in np.arange(8) * np.pi / 4 if radius else ():
-                offset = np.eye(4)
-                offset[:2, 3] = radius * np.cos(heading), radius * np.sin(heading)
-                moves.append(centre @ offset)
-        best = sorted(moves, key=score, reverse=True)[:3] + sorted(arcs, key=score, reverse=True)[:2]
-        tried = [self.target.align(xyz, weight, pose) for pose in best]
+        score = target.scorer(xyz, weight, centres[0])
+        moves, arcs = [], []
+        for centre in centres:
+            for radius in np.arange(0.0, self.settings.search_radius + 1e-9, SEARCH_STEP):
+                arcs += [centre @ se3.exp(np.array([0, 0, turn, radius, 0, 0])) for turn in SEARCH_TURNS]
+                for heading in np.arange(8 if radius else 1) * np.pi / 4:
+                    offset = np.eye(4)
+                    offset[:2, 3] = radius * np.cos(heading), radius * np.sin(heading)
+                    moves.append(centre @ offset)
+        best = (
+            sorted(moves, key=score, reverse=True)[:TRIED_MOVES] + sorted(arcs, key=score, reverse=True)[:TRIED_TURNS]
+        )
+        tried = [target.align(xyz, weight, pose) for pose in (*centres, *best)]
         return max((*found, *tried), key=lambda result: score(result.pose))
 
-    def _sound(self, found: RegistrationResult) -> bool:
-        """Enough of the scan fits, and it fits along every direction."""
-        worst = float(np.linalg.eigvalsh(found.covariance[3:, 3:])[-1])
-        fits = found.inlier_ratio >= self.settings.min_inlier_ratio
-        return fits and 0.0 < worst < self.settings.max_position_sigma**2
+    def _expected(self, prediction: Array, found: RegistrationResult) -> bool:
+        """It has settled near the prediction, and meets about as much of the map as scans did before: after an abrupt
+        turn, a wrong pose still finds ground and walls that fit."""
+        usual = found.converged and found.overlap >= USUAL_OVERLAP * self._overlap
+        return usual and self._sound(found, self._unobserved) and self._jump(prediction, found.pose) < self._gate()
 
-    def _usual(self, found: RegistrationResult) -> bool:
-        """It has settled, and meets about as much of the map as scans did before: after an abrupt turn, a wrong pose
-        still finds ground and walls that fit."""
-        return found.converged and found.overlap >= USUAL_OVERLAP * self._overlap
+    def _sound(self, found: RegistrationResult, lost: Array) -> bool:
+        """Enough of the scan fits, and it fits along every direction that it should hold."""
+        held = np.eye(3) - lost.T @ lost
+        turn = found.pose[:3, :3]
+        worst = float(np.linalg.eigvalsh(held @ turn @ found.covariance[3:, 3:] @ turn.T @ held)[-1])
+        return found.inlier_ratio >= self.settings.min_inlier_ratio and worst < self.settings.max_position_sigma**2
 
     def _jump(self, prediction: Array, pose: Array) -> float:
         """How far the registration moved a point at the end of the range away from its prediction, at most [m]."""
@@ -167,6 +203,13 @@ class Odometry:
         usual = np.sqrt(self._squared_jumps / self._jumps) if self._jumps else np.inf
         return max(3 * float(usual), self.settings.min_gate)
 
+    def _drifting(self, covariance: Array, directions: Array, stamp: float) -> Array:
+        """The covariance with what the prediction may be off by along `directions`: a velocity that changes at random."""
+        held = np.eye(6) - directions.T @ directions
+        elapsed = self._elapsed(stamp)
+        variance = (ACCELERATION * elapsed) ** 2 * self._unobserved_for * elapsed
+        return np.asarray(held @ covariance @ held + variance * directions.T @ directions)
+
     def _kept(self, prediction: Array, scan: PointCloud, found: RegistrationResult | None = None) -> OdometryStep:
         return OdometryStep(prediction, np.diag(FAILED_SIGMA**2), "failed", found, scan)
 
@@ -177,31 +220,57 @@ class Odometry:
             self._squared_jumps += self._jump(self.predict(stamp), step.pose) ** 2
         if step.registration:
             self._overlap += (step.registration.overlap - self._overlap) / min(self._registered, OVERLAP_MEMORY)
-        motion = se3.normalized(se3.inverse(self._pose) @ step.pose)
+        motion = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose))
         if self._registered:
-            self._velocity = se3.log(motion) / self._elapsed(stamp)
+            self._velocity = motion / self._likely_elapsed(motion, stamp)
         self._pose, self._stamp = step.pose, stamp
         self._registered += 1
 
-    def _remember(self, step: OdometryStep, points: Points) -> None:
+    def _likely_elapsed(self, motion: Array, stamp: float) -> float:
+        """Seconds of a motion: those of the stamps, or one sweep where that is nearer to the velocity before. A clock
+        that was stepped must not slow the car down."""
+        choices = [self._elapsed(stamp)]
+        if choices[0] > GAP * self.sweep_duration and self._registered > 1:
+            choices.append(self.sweep_duration)
+        return min(choices, key=lambda elapsed: float(np.linalg.norm((motion / elapsed - self._velocity)[3:])))
+
+    def _remember(self, target: Target, step: OdometryStep, points: Points) -> None:
         """Put the scan into the map, or start a new one after too many failures; forget what lies behind."""
         self._failures = self._failures + 1 if step.status == "failed" else 0
         lost = self._failures >= LOST_AFTER and len(points[0]) >= MIN_POINTS
         if step.status == "failed" and not lost:
             return
         if lost or self.settings.target == "scan":
-            self.target.clear()
+            target.clear()
             self._failures = 0
-        self.target.insert(*points, step.pose)
+        target.insert(*points, step.pose)
         if np.linalg.norm(step.pose[:3, 3] - self._evicted_at) > EVICT_EVERY:
             self._evicted_at = step.pose[:3, 3].copy()
-            self.target.evict(self._evicted_at, self.settings.map_radius)
+            target.evict(self._evicted_at, self.settings.map_radius)
 
 
 Points = tuple[Array, Array]  # xyz (N, 3) and weights (N,), float32
 
 
-def _target(settings: OdometrySettings) -> Target:
-    if settings.registration == "ndt":
-        return NdtTarget(settings=settings)
-    return IcpTarget(settings.max_iterations)
+def _all_unobserved(positions: Array) -> Array:
+    """(K, 6) unit vectors in the sensor's axes: directions (1 or 2, 3) of position that are not observed, and the turn
+    that is not observed with them: all surfaces that face one way do not tell a turn about their normal."""
+    directions = np.pad(positions, ((0, 0), (3, 0)))
+    if len(positions) < 2:
+        return directions
+    return np.concatenate([directions, np.pad(np.cross(*positions)[None], ((0, 0), (0, 3)))])
+
+
+def _target(settings: OdometrySettings, cell_sizes: tuple[float, ...]) -> Target:
+    if settings.registration != "ndt":
+        return IcpTarget(settings.max_iterations)
+    return NdtTarget(
+        cell_sizes,
+        min_points=settings.min_points,
+        max_points=settings.max_points,
+        floor=settings.floor,
+        surfaces=settings.information == "surface",
+        neighbours=settings.neighbours,
+        kernel=settings.kernel,
+        max_iterations=settings.max_iterations,
+    )

@@ -36,22 +36,25 @@ class OdometrySettings(Settings):
 
     registration: Literal["ndt", "icp-point-to-plane"] = "ndt"
     target: Literal["map", "scan"] = "map"  # scan: the one before, as the paper has it; drifts 3 to 7 times more
-    min_range: float = Field(2.5, ge=0)  # m; nearer is the car itself
+    # the Gaussians hold a point by surface: along the directions in which the cell's surface is thin; by covariance: by
+    # the cell's whole inverse covariance, as the paper has it, which takes the rings' pattern for structure
+    information: Literal["surface", "covariance"] = "surface"
+    # sizes that are None follow from the first scan, see slam/cell_sizes.py; cells are coarse to fine
+    cell_sizes: tuple[float, ...] | None = None  # m; None: 1.5 times the finest, and the finest
+    voxel_size: float | None = Field(None, ge=0.01)  # m, thinning of what is registered; near a cell's size it aliases
+    map_voxel_size: float | None = Field(None, ge=0.01)  # m, thinning of what enters the map: evens out near and far
+    min_range: float | None = Field(None, ge=0)  # m; nearer is the car itself, or who carries the sensor
     max_range: float = Field(80.0, gt=0)  # m
-    map_voxel_size: float = Field(0.4, ge=0.01)  # m, thinning of what enters the map: evens out near and far
-    voxel_size: float = Field(1.5, ge=0.01)  # m, thinning of what is registered; near a cell's size it aliases
-    cell_sizes: tuple[float, ...] = (2.0, 1.0)  # m: the coarse cells reach further, the fine ones decide
     neighbours: Literal[1, 7] = 1  # Gaussians a point is held against; 7 where the target is a single scan
     min_points: int = Field(5, ge=3)  # a cell with fewer has no Gaussian
     max_points: int = Field(1000, ge=3)  # a cell with so many is left as it is: bounds time, and a standing car's
     floor: float = Field(0.003, gt=0)  # of a cell's covariance, share of its trace: flat cells must not be too sure
-    full_weight_sigma: float = Field(0.3, gt=0)  # m; less certain points weigh less, by the square of the ratio
+    full_weight_sigma: float = Field(0.5, gt=0)  # m; less certain points weigh less, by the square of the ratio
     kernel: float = Field(1.0, gt=0)  # Cauchy's, on the Mahalanobis distance; hardly matters between 0.5 and 3
     max_iterations: int = Field(12, ge=1)  # at the finest level; 3 are usual
     map_radius: float = Field(100.0, gt=0)  # m around the sensor: the map forgets the rest
     min_inlier_ratio: float = Field(0.25, ge=0, le=1)  # below it a registration has failed
-    max_position_sigma: float = Field(0.5, gt=0)  # m, standard deviation along the worst direction: degenerate above it
-    unseen_tilt_deg: float = Field(0.0, ge=0)  # 1 sigma after one metre, by the root of the way: tilt that rings hide
+    max_position_sigma: float = Field(0.5, gt=0)  # m, along the worst direction that is held: above it, it has failed
     search_radius: float = Field(5.0, ge=0)  # m around the prediction, at start-up, after a gap and in a retry
     min_gate: float = Field(0.5, gt=0)  # m between prediction and registration that is never a jump
 
@@ -59,9 +62,10 @@ class OdometrySettings(Settings):
     def _consistent(self) -> OdometrySettings:
         if self.registration != "ndt" and self.target != "scan":
             raise ValueError("ICP registers from scan to scan: set odometry.target=scan")
-        if not self.cell_sizes or min(self.cell_sizes) <= 0 or list(self.cell_sizes) != sorted(self.cell_sizes)[::-1]:
+        sizes = self.cell_sizes
+        if sizes is not None and (not sizes or min(sizes) <= 0 or list(sizes) != sorted(sizes)[::-1]):
             raise ValueError("odometry.cell_sizes are positive and fall, coarse to fine")
-        if self.min_range >= self.max_range:
+        if self.min_range is not None and self.min_range >= self.max_range:
             raise ValueError("odometry.min_range must be below odometry.max_range")
         return self
 
@@ -138,7 +142,6 @@ class PoseGraphSettings(Settings):
 
     rotation_deg: float = Field(0.2, gt=0)  # after one metre; grows with the root of the way: 2 deg after 100 m
     translation: float = Field(0.05, gt=0)  # m after one metre, likewise: 0.5 m after 100 m
-    held_back: float = Field(0.0, ge=0)  # m of way: keyframes are registered anew with what lies so far back; 0: not
 
 
 class Config(Settings):

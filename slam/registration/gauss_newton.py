@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, null_space
 
 from slam.data import se3
 from slam.data.cloud import Array
@@ -17,7 +17,8 @@ from slam.registration.voxels import hash_table
 STOP_ROTATION, STOP_TRANSLATION = 1e-3, 1e-2  # radians, metres: tighter brought no accuracy on KITTI
 CLUSTER = 4.0  # m: points so near to each other may be wrong together, by a laser's error, a cell's, an interpolation's
 LEAST_VARIANCE = 1e-12  # rad^2, m^2: positive definite whatever the points
-RIDGE = 1e-9  # relative; an unobserved direction takes no step instead of a wild one
+RIDGE = 1e-9  # relative; a direction that nothing holds takes no step instead of a wild one
+NOTHING = np.zeros((0, 6))  # locked
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,21 +36,29 @@ class Linearisation:
     score: float
 
 
-def minimise(linearise: Callable[[Array], Linearisation], guess: Array, max_iterations: int) -> tuple[Array, bool]:
-    """Steps from `guess` (4, 4) until one is below the thresholds: the pose, and whether that happened."""
-    pose = guess
+def minimise(
+    linearise: Callable[[Array], Linearisation], guess: Array, max_iterations: int, locked: Array = NOTHING
+) -> tuple[Array, bool]:
+    """Steps from `guess` (4, 4) until one is below the thresholds: the pose, and whether that happened.
+
+    Along the directions `locked` (K, 6), orthonormal and in the target's axes, no step is taken (solution remapping,
+    Zhang, Kaess, Singh, ICRA 2016).
+    """
+    pose, free = guess, null_space(locked) if len(locked) else np.eye(6)
     for _ in range(max_iterations):
         model = linearise(pose)
-        step = -_solve(model.H, model.gradient)
+        step = -free @ _solve(free.T @ model.H @ free, free.T @ model.gradient)
         pose = _perturbed(pose, step)
         if np.linalg.norm(step[:3]) < STOP_ROTATION and np.linalg.norm(step[3:]) < STOP_TRANSLATION:
             return pose, True
     return pose, False
 
 
-def result(model: Linearisation, pose: Array, converged: bool, xyz: Array, scores: Array) -> RegistrationResult:
+def result(
+    model: Linearisation, pose: Array, converged: bool, xyz: Array, scores: Array, support: Array, tilt: float
+) -> RegistrationResult:
     """The model at the final pose, in the source's axes, with its covariances; `scores` (N, 6) are the points' (N, 3)
-    parts of the gradient."""
+    parts of the gradient; `support` and `tilt` as in RegistrationResult."""
     turn = np.zeros((6, 6))
     turn[:3, :3] = turn[3:, 3:] = pose[:3, :3]
     H = turn.T @ model.H @ turn
@@ -62,12 +71,14 @@ def result(model: Linearisation, pose: Array, converged: bool, xyz: Array, score
         inlier_ratio=model.inlier_ratio,
         overlap=model.overlap,
         converged=converged,
+        support=support,
+        tilt=tilt,
     )
 
 
 def _solve(H: Array, right: Array) -> Array:
     scale = max(float(np.trace(H)), 1e-12)
-    return cho_solve(cho_factor(H + RIDGE * scale * np.eye(6)), right)
+    return cho_solve(cho_factor(H + RIDGE * scale * np.eye(len(H))), right)
 
 
 def _perturbed(pose: Array, step: Array) -> Array:

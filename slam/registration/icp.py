@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -13,6 +15,7 @@ from slam.registration.result import RegistrationResult
 GATE = 2.0  # m; pairs further apart are left out
 NOISE = 0.3  # m, spread of the distance between true pairs: half of the spacing of the points. Scales score and weights
 NORMAL_NEIGHBOURS = 10
+NOTHING = np.zeros((0, 3))  # locked
 
 
 class IcpTarget:
@@ -39,15 +42,21 @@ class IcpTarget:
     def evict(self, centre: Array, radius: float) -> None:
         """Nothing to forget: one scan is all there is."""
 
-    def score(self, xyz: Array, weight: Array, pose: Array) -> float:
-        return self._linearise(xyz, weight, pose).score
+    def scorer(self, xyz: Array, weight: Array, centre: Array) -> Callable[[Array], float]:
+        """The paper's eq. 5 of the points' distances to the planes, by pose (4, 4)."""
+        del centre
+        return lambda pose: self._linearise(xyz, weight, pose).score
 
-    def align(self, xyz: Array, weight: Array, guess: Array) -> RegistrationResult:
-        """Pose of the points (N, 3), weights (N,), in the target from `guess` (4, 4), pairs renewed in every step."""
-        pose, converged = minimise(lambda T: self._linearise(xyz, weight, T), guess, self.max_iterations)
+    def align(self, xyz: Array, weight: Array, guess: Array, locked: Array = NOTHING) -> RegistrationResult:
+        """Pose of the points (N, 3), weights (N,), in the target from `guess` (4, 4), pairs renewed in every step.
+
+        The position is not moved along `locked` (K, 3) in the target's axes.
+        """
+        fixed = np.pad(locked, ((0, 0), (3, 0)))
+        pose, converged = minimise(lambda T: self._linearise(xyz, weight, T), guess, self.max_iterations, fixed)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(xyz, weight, pose, scores)
-        return result(model, pose, converged, xyz, scores)
+        return result(model, pose, converged, xyz, scores, np.eye(3) / 3, 0.0)
 
     def _linearise(self, xyz: Array, weight: Array, pose: Array, scores: Array | None = None) -> Linearisation:
         turned = xyz @ pose[:3, :3].T

@@ -17,6 +17,15 @@ _MASK = (1 << _BITS) - 1
 
 # Columns of a cell's running sums: weight, mean (3), scatter about the mean (xx xy xz yy yz zz), points seen.
 _MEAN, _SCATTER, _COUNT = 1, 4, 10
+# Columns of a Gaussian: mean (3), information (xx xy xz yy yz zz; all 0: it tells nothing), variance of its tilt [rad^2].
+GAUSSIAN = 10
+
+# What a cell's eigenvalues, most >= middle >= least, say of the surface in it. Chosen on simulated and KITTI drives
+# (docs/odometry.md): plain 16 rings want the elongation strict, dense ones hardly mind.
+ELONGATED = 2.5  # most beyond so many times the middle: a line of points, an edge or a ring's trace
+CROSSING = 0.5  # squared cosine: a line that turns less across the rings is a ring's trace
+FLAT = 0.2  # least beyond this share of the middle: no surface
+INDEPENDENT = 10.0  # points of a cell that count as independent where the tilt of its surface is reckoned
 
 
 @njit(inline="always")
@@ -95,19 +104,51 @@ def downsample(xyz, weight, size, min_range, max_range, keys, slots):
     return centroids, weights, source[:count].copy()
 
 
+@njit(cache=True, nogil=True)
+def eigen(A, V):
+    """Cyclic Jacobi rotations: symmetric A (3, 3) becomes diagonal, its eigenvectors are the columns of V (3, 3)."""
+    for i in range(3):
+        for j in range(3):
+            V[i, j] = 1.0 if i == j else 0.0
+    for _ in range(8):
+        aside = A[0, 1] ** 2 + A[0, 2] ** 2 + A[1, 2] ** 2
+        if aside <= 1e-20 * (A[0, 0] ** 2 + A[1, 1] ** 2 + A[2, 2] ** 2):
+            break
+        for n in range(3):
+            p, q = (1, 2) if n == 2 else (0, n + 1)
+            if A[p, q] == 0.0:
+                continue
+            theta = (A[q, q] - A[p, p]) / (2.0 * A[p, q])
+            t = (1.0 if theta >= 0.0 else -1.0) / (abs(theta) + math.sqrt(theta * theta + 1.0))
+            c = 1.0 / math.sqrt(t * t + 1.0)
+            s = t * c
+            A[p, p] -= t * A[p, q]
+            A[q, q] += t * A[p, q]
+            A[p, q] = A[q, p] = 0.0
+            r = 3 - p - q
+            A[r, p], A[r, q] = c * A[r, p] - s * A[r, q], s * A[r, p] + c * A[r, q]
+            A[p, r], A[q, r] = A[r, p], A[r, q]
+            for k in range(3):
+                V[k, p], V[k, q] = c * V[k, p] - s * V[k, q], s * V[k, p] + c * V[k, q]
+
+
 @njit(inline="always")
-def _update_gaussian(cell, sums, gaussians, floor):
-    """Mean and information matrix of a cell from its sums; `floor` of the trace keeps flat cells invertible."""
-    row = sums[cell]
-    scale = 1.0 / row[0] * row[_COUNT] / (row[_COUNT] - 1.0)
-    xx, xy, xz = row[_SCATTER] * scale, row[_SCATTER + 1] * scale, row[_SCATTER + 2] * scale
-    yy, yz, zz = row[_SCATTER + 3] * scale, row[_SCATTER + 4] * scale, row[_SCATTER + 5] * scale
-    ridge = floor * (xx + yy + zz) + 1e-6
-    xx, yy, zz = xx + ridge, yy + ridge, zz + ridge
+def _across_rings(x, y, z, mean, pose):
+    """Squared cosine between a unit vector and the direction in which a sensor at `pose` steps from ring to ring."""
+    rx, ry, rz = mean[0] - pose[0, 3], mean[1] - pose[1, 3], mean[2] - pose[2, 3]
+    squared = rx * rx + ry * ry + rz * rz + 1e-12
+    along = (pose[0, 2] * rx + pose[1, 2] * ry + pose[2, 2] * rz) / squared
+    ex, ey, ez = pose[0, 2] - along * rx, pose[1, 2] - along * ry, pose[2, 2] - along * rz
+    return (x * ex + y * ey + z * ez) ** 2 / (ex * ex + ey * ey + ez * ez + 1e-12)
+
+
+@njit(inline="always")
+def _hold_by_covariance(cell, A, ridge, gaussians):
+    """The whole inverse covariance, as the paper's eq. 4 has it."""
+    xx, yy, zz = A[0, 0] + ridge, A[1, 1] + ridge, A[2, 2] + ridge
+    xy, xz, yz = A[0, 1], A[0, 2], A[1, 2]
     a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     inverse = 1.0 / (xx * a + xy * b + xz * c)
-    for axis in range(3):
-        gaussians[cell, axis] = row[_MEAN + axis]
     gaussians[cell, 3] = a * inverse
     gaussians[cell, 4] = b * inverse
     gaussians[cell, 5] = c * inverse
@@ -116,13 +157,78 @@ def _update_gaussian(cell, sums, gaussians, floor):
     gaussians[cell, 8] = (xx * yy - xy * xy) * inverse
 
 
+@njit(inline="always")
+def _hold_by_surface(cell, A, V, ridge, size, row, pose, gaussians):
+    """Information along the directions in which a surface is thin: a plane's normal, both sides of an edge or pole.
+
+    How far points spread along a surface says where the cell ends and how the rings fell into it, not where anything
+    is. A line of points is an edge only where it crosses rings; along them it is a ring's own trace.
+    """
+    eigen(A, V)
+    thin, wide, mid = 0, 0, 0
+    for k in range(1, 3):
+        thin = k if A[k, k] < A[thin, thin] else thin
+        wide = k if A[k, k] >= A[wide, wide] else wide
+    mid = 3 - thin - wide if thin != wide else thin
+    least, middle, most = max(A[thin, thin], 0.0), max(A[mid, mid], 0.0), A[wide, wide]
+    count = min(row[_COUNT], INDEPENDENT)
+    gaussians[cell, 9] = (least + ridge) / ((middle + ridge) * count)
+    if least > FLAT * middle:
+        return
+    line = ELONGATED * middle < most
+    if line and _across_rings(V[0, wide], V[1, wide], V[2, wide], row[_MEAN : _MEAN + 3], pose) < CROSSING:
+        return
+    full = size * size / 12.0
+    for k in (thin, mid):
+        gain = max(0.0, 1.0 - A[k, k] / full) / (max(A[k, k], 0.0) + ridge)
+        x, y, z = V[0, k], V[1, k], V[2, k]
+        gaussians[cell, 3] += gain * x * x
+        gaussians[cell, 4] += gain * x * y
+        gaussians[cell, 5] += gain * x * z
+        gaussians[cell, 6] += gain * y * y
+        gaussians[cell, 7] += gain * y * z
+        gaussians[cell, 8] += gain * z * z
+        if not line:
+            break
+
+
+@njit(inline="always")
+def _update_gaussian(cell, sums, gaussians, floor, size, surfaces, pose, A, V):
+    """Mean and information matrix of a cell from its sums; `floor` of the trace keeps flat cells invertible."""
+    row = sums[cell]
+    scale = 1.0 / row[0] * row[_COUNT] / (row[_COUNT] - 1.0)
+    entry = _SCATTER
+    for i in range(3):
+        for j in range(i, 3):
+            A[i, j] = A[j, i] = row[entry] * scale
+            entry += 1
+    ridge = floor * (A[0, 0] + A[1, 1] + A[2, 2]) + 1e-6
+    for axis in range(3):
+        gaussians[cell, axis] = row[_MEAN + axis]
+    gaussians[cell, 3:] = 0.0
+    if surfaces:
+        _hold_by_surface(cell, A, V, ridge, size, row, pose, gaussians)
+    else:
+        _hold_by_covariance(cell, A, ridge, gaussians)
+
+
+@njit(inline="always")
+def _tells(S):
+    """Whether a cell's Gaussian holds a point along any direction."""
+    return S[3] + S[6] + S[8] > 0.0
+
+
 @njit(cache=True, nogil=True)
-def insert(xyz, weight, pose, size, min_points, max_points, floor, keys, slots, sums, gaussians, cell_keys, count):
+def insert(
+    xyz, weight, pose, size, min_points, max_points, floor, surfaces, keys, slots, sums, gaussians, cell_keys, count
+):
     """Add points (N, 3), moved by `pose` (4, 4), to the cells' running sums and renew the Gaussians they touch.
 
-    Centred accumulation (West 1979), unbiased covariance. A cell that has seen `max_points` is left as it is.
-    gaussians[c, 3] stays 0 while the cell has fewer than `min_points`. Returns the new number of cells.
+    Centred accumulation (West 1979), unbiased covariance. A cell that has seen `max_points` is left as it is. A
+    Gaussian's information stays 0 while the cell has fewer than `min_points`, and where it shows no surface
+    (`surfaces`). Returns the new number of cells.
     """
+    A, V = np.empty((3, 3)), np.empty((3, 3))
     inverse_size = 1.0 / size
     touched = np.empty(len(xyz), np.int32)
     touches = 0
@@ -165,7 +271,7 @@ def insert(xyz, weight, pose, size, min_points, max_points, floor, keys, slots, 
         row[_SCATTER + 5] += dz * ez
     for i in range(touches):
         if sums[touched[i], _COUNT] >= min_points:
-            _update_gaussian(touched[i], sums, gaussians, floor)
+            _update_gaussian(touched[i], sums, gaussians, floor, size, surfaces, pose, A, V)
     return count
 
 
@@ -273,7 +379,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
             if keys[slot] == EMPTY:
                 continue
             S = gaussians[slots[slot]]
-            if S[3] == 0.0:
+            if not _tells(S):
                 continue
             rx, ry, rz = x - S[0], y - S[1], z - S[2]
             sx = S[3] * rx + S[4] * ry + S[5] * rz
@@ -302,6 +408,131 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
         for j in range(k):
             H[k, j] = H[j, k]
     return H, g, totals
+
+
+@njit(cache=True, nogil=True)
+def support(xyz, weight, pose, size, kernel, keys, slots, gaussians):
+    """Which directions the matched points' surfaces face: (3, 3) mean of n n^T, trace 1, in the axes of the map.
+
+    Weighted as in `normal_equations`. Also the mean variance of the surfaces' tilt [rad^2], the share that a direction
+    has by their noise alone, and the weight of the matched points.
+    """
+    shares = np.zeros((3, 3))
+    tilt, total = 0.0, 0.0
+    inverse_size, inverse_kernel = 1.0 / size, 1.0 / (kernel * kernel)
+    for i in range(len(xyz)):
+        x, y, z = _turned(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
+        x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
+        slot = _find(keys, _key(x, y, z, inverse_size))
+        if keys[slot] == EMPTY or not _tells(gaussians[slots[slot]]):
+            continue
+        S = gaussians[slots[slot]]
+        u = weight[i] / (1.0 + _mahalanobis(S, x, y, z) * inverse_kernel)
+        share = u / (S[3] + S[6] + S[8])
+        shares[0, 0] += share * S[3]
+        shares[0, 1] += share * S[4]
+        shares[0, 2] += share * S[5]
+        shares[1, 1] += share * S[6]
+        shares[1, 2] += share * S[7]
+        shares[2, 2] += share * S[8]
+        tilt += u * S[9]
+        total += u
+    for i in range(3):
+        for j in range(i):
+            shares[i, j] = shares[j, i]
+    least = max(total, 1e-12)
+    return shares / least, tilt / least, total
+
+
+@njit(inline="always")
+def _mahalanobis(S, x, y, z):
+    """Squared distance of a point from a Gaussian."""
+    rx, ry, rz = x - S[0], y - S[1], z - S[2]
+    return (
+        rx * (S[3] * rx + S[4] * ry + S[5] * rz)
+        + ry * (S[4] * rx + S[6] * ry + S[7] * rz)
+        + rz * (S[5] * rx + S[7] * ry + S[8] * rz)
+    )
+
+
+@njit(cache=True, nogil=True)
+def evidence(xyz, weight, pose, relevance, size, block, most, keys, slots, gaussians, block_keys, block_slots):
+    """How much of the scene supports a pose: sum over cubic blocks of the fit in each, by what its points can tell.
+
+    A point counts by its surface's normal n, n^T R n with `relevance` R (3, 3), and fits by exp(-m / 2) (the paper's
+    eq. 5). A block of side `block` counts at most `most`, so that one lorry that drives along is not worth more than a
+    lamp post. `block_keys` and `block_slots` are scratch, at least twice as long as N, overwritten.
+    """
+    block_keys[:] = EMPTY
+    inverse_size, inverse_block = 1.0 / size, 1.0 / block
+    mass = np.zeros((len(xyz), 2))
+    count = 0
+    for i in range(len(xyz)):
+        x, y, z = _turned(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
+        x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
+        slot = _find(keys, _key(x, y, z, inverse_size))
+        if keys[slot] == EMPTY or not _tells(gaussians[slots[slot]]):
+            continue
+        S = gaussians[slots[slot]]
+        told = (
+            relevance[0, 0] * S[3]
+            + relevance[1, 1] * S[6]
+            + relevance[2, 2] * S[8]
+            + 2.0 * (relevance[0, 1] * S[4] + relevance[0, 2] * S[5] + relevance[1, 2] * S[7])
+        )
+        told *= weight[i] / (S[3] + S[6] + S[8])
+        slot = _find(block_keys, _key(x, y, z, inverse_block))
+        if block_keys[slot] == EMPTY:
+            block_keys[slot] = _key(x, y, z, inverse_block)
+            block_slots[slot] = count
+            count += 1
+        mass[block_slots[slot], 0] += told
+        mass[block_slots[slot], 1] += told * math.exp(-0.5 * _mahalanobis(S, x, y, z))
+    total = 0.0
+    for k in range(count):
+        if mass[k, 0] > 0.0:
+            total += mass[k, 1] * min(1.0, most / mass[k, 0])
+    return total
+
+
+@njit(cache=True, nogil=True)
+def merge(fine_sums, fine_count, size, min_points, floor, pose, keys, slots, sums, gaussians, cell_keys):
+    """Fill empty cells of a larger `size` with the moments of finer ones, and their Gaussians of surfaces as seen from
+    `pose` (4, 4). Returns their number."""
+    A, V = np.empty((3, 3)), np.empty((3, 3))
+    inverse_size = 1.0 / size
+    count = 0
+    for i in range(fine_count):
+        fine = fine_sums[i]
+        key = _key(fine[_MEAN], fine[_MEAN + 1], fine[_MEAN + 2], inverse_size)
+        slot = _find(keys, key)
+        if keys[slot] == EMPTY:
+            keys[slot] = key
+            slots[slot] = count
+            cell_keys[count] = key
+            sums[count] = 0.0
+            gaussians[count] = 0.0
+            count += 1
+        row = sums[slots[slot]]
+        total = row[0] + fine[0]
+        dx, dy, dz = fine[_MEAN] - row[_MEAN], fine[_MEAN + 1] - row[_MEAN + 1], fine[_MEAN + 2] - row[_MEAN + 2]
+        between = row[0] * fine[0] / total
+        row[_SCATTER] += fine[_SCATTER] + between * dx * dx
+        row[_SCATTER + 1] += fine[_SCATTER + 1] + between * dx * dy
+        row[_SCATTER + 2] += fine[_SCATTER + 2] + between * dx * dz
+        row[_SCATTER + 3] += fine[_SCATTER + 3] + between * dy * dy
+        row[_SCATTER + 4] += fine[_SCATTER + 4] + between * dy * dz
+        row[_SCATTER + 5] += fine[_SCATTER + 5] + between * dz * dz
+        gain = fine[0] / total
+        row[_MEAN] += gain * dx
+        row[_MEAN + 1] += gain * dy
+        row[_MEAN + 2] += gain * dz
+        row[0] = total
+        row[_COUNT] += fine[_COUNT]
+    for cell in range(count):
+        if sums[cell, _COUNT] >= min_points:
+            _update_gaussian(cell, sums, gaussians, floor, size, True, pose, A, V)
+    return count
 
 
 @njit(cache=True, nogil=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -10,25 +10,40 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.registration.gauss_newton import Linearisation, minimise, result
 from slam.registration.result import RegistrationResult
-from slam.registration.voxels import NO_SCORES, VoxelGaussians
-from slam.settings import OdometrySettings
+from slam.registration.voxels import NO_SCORES, VoxelGaussians, hash_table
+
+COARSER = (2, 4)  # times the finest cells: where a search looks as well, for poses are half a cell off
+BLOCK = 4  # times the finest cells: what lies so near together is one piece of evidence
+MOST = 0.5  # points' worth that a block counts at most
+NOTHING = np.zeros((0, 3))  # locked
 
 
 class NdtTarget:
     """A map of Gaussians at one or more resolutions, coarse to fine, that scans are registered against.
 
     Args:
-        cell_sizes: [m], coarse first; by default those of the settings.
-        settings: Of the Gaussians (see `VoxelGaussians`), of Cauchy's weight 1 / (1 + m / kernel^2) on the Mahalanobis
-            distance squared m, and of the iterations.
+        cell_sizes: [m], coarse first.
+        min_points, max_points, floor, surfaces: Of the Gaussians, see `VoxelGaussians`.
+        neighbours: Gaussians that a point is held against: 1, its own cell's, or 7.
+        kernel: Of Cauchy's weight 1 / (1 + m / kernel^2) on the Mahalanobis distance squared m.
+        max_iterations: At the finest level; the others get half of them.
     """
 
-    def __init__(self, cell_sizes: Sequence[float] | None = None, settings: OdometrySettings | None = None) -> None:
-        settings = settings or OdometrySettings()
-        sizes = settings.cell_sizes if cell_sizes is None else cell_sizes
-        self.levels = [VoxelGaussians(size, settings.min_points, settings.max_points, settings.floor) for size in sizes]
-        self.neighbours, self.kernel = settings.neighbours, settings.kernel
-        self.max_iterations = settings.max_iterations
+    def __init__(
+        self,
+        cell_sizes: Sequence[float],
+        *,
+        min_points: int = 5,
+        max_points: int = 1000,
+        floor: float = 0.003,
+        surfaces: bool = False,
+        neighbours: int = 1,
+        kernel: float = 1.0,
+        max_iterations: int = 12,
+    ) -> None:
+        self.levels = [VoxelGaussians(size, min_points, max_points, floor, surfaces) for size in cell_sizes]
+        self.surfaces, self.neighbours, self.kernel = surfaces, neighbours, kernel
+        self.max_iterations = max_iterations
 
     def __len__(self) -> int:
         return len(self.levels[-1])
@@ -51,32 +66,66 @@ class NdtTarget:
         """The paper's eq. 5 at the coarsest level, divided by the number of points: higher is better."""
         return self._linearise(self.levels[0], xyz, weight, pose).score
 
-    def align(self, xyz: Array, weight: Array, guess: Array) -> RegistrationResult:
+    def scorer(self, xyz: Array, weight: Array, centre: Array) -> Callable[[Array], float]:
+        """What tells poses (4, 4) of the points (N, 3) around `centre` apart: higher is better.
+
+        Where cells hold surfaces, it is the evidence (see `kernels.evidence`) of the finest cells and of coarser ones
+        made of them. Points count by how much they tell in the horizontal direction that the scan as a whole tells
+        least: along a road its edges fit wherever the car is.
+        """
+        if not self.surfaces:
+            return partial(self.score, xyz, weight)
+        finest = self.levels[-1]
+        levels = [finest, *(finest.coarser(factor) for factor in COARSER)]
+        relevance = _relevance(levels[1].support(xyz, weight, centre, self.kernel)[0])
+        scratch = hash_table(len(xyz))
+
+        def evidence(pose: Array) -> float:
+            block = BLOCK * finest.size
+            return sum(level.evidence(xyz, weight, pose, relevance, block, MOST, scratch) for level in levels)
+
+        return evidence
+
+    def align(self, xyz: Array, weight: Array, guess: Array, locked: Array = NOTHING) -> RegistrationResult:
         """Pose of the points (N, 3) in the map, from `guess` (4, 4), level by level, by Gauss-Newton on SE(3).
 
         Robust weights are renewed in every step (IRLS). The coarse levels get half of the iterations: they only
-        have to bring the finest one within reach.
+        have to bring the finest one within reach. The position is not moved along `locked` (K, 3), in the map's axes.
         """
         pose, converged = guess, False
+        fixed = np.pad(locked, ((0, 0), (3, 0)))
         for level in self.levels:
             limit = self.max_iterations if level is self.levels[-1] else self.max_iterations // 2
-            linearise = partial(self._linearise, level, xyz, weight)
-            pose, converged = minimise(linearise, pose, limit)
+            pose, converged = minimise(partial(self._linearise, level, xyz, weight), pose, limit, fixed)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(self.levels[-1], xyz, weight, pose, scores)
-        return result(model, pose, converged, xyz, scores)
+        support, tilt = np.eye(3) / 3, 0.0
+        if self.surfaces:
+            support, tilt, _ = self.levels[-1].support(xyz, weight, pose, self.kernel)
+        return result(model, pose, converged, xyz, scores, support, tilt)
 
     def _linearise(
         self, level: VoxelGaussians, xyz: Array, weight: Array, pose: Array, scores: Array = NO_SCORES
     ) -> Linearisation:
         H, gradient, totals = level.normal_equations(xyz, weight, pose, self.neighbours, self.kernel, scores)
         robust, cost, inliers, score, met, total = totals
+        # residuals a point, whitened: 1 where the Gaussians tell the truth about the points
+        dimensions = 1.0 if self.surfaces else 3.0
         return Linearisation(
             H=H,
             gradient=gradient,
-            # three residuals a point, whitened: 1 where the Gaussians tell the truth about the points
-            variance=cost / max(3.0 * robust, 1e-9),
+            variance=cost / max(dimensions * robust, 1e-9),
             inlier_ratio=inliers / max(met, 1e-9),
             overlap=met / max(total, 1e-9),
             score=score / max(total, 1e-9),
         )
+
+
+def _relevance(support: Array) -> Array:
+    """(3, 3) R for `kernels.evidence`: n^T R n is 1 for a surface that faces the weakest horizontal direction, less for
+    those that face the other by as much as more of them do, 0 for the ground."""
+    shares, axes = np.linalg.eigh(support[:2, :2])
+    shares = np.maximum(shares, 1e-4)
+    relevance = np.zeros((3, 3))
+    relevance[:2, :2] = axes @ np.diag(shares[0] / shares) @ axes.T
+    return relevance

@@ -37,11 +37,16 @@ class VoxelGaussians:
     max_points  cells that saw so many are not changed any more (a standing car would otherwise sharpen its own noise,
                 and each scan costs time)
     floor       share of a covariance's trace that is added to its diagonal, so that planes stay invertible
+    surfaces    a point is held along the directions in which the cell's surface is thin; False: by the whole inverse
+                covariance of the cell, as in the paper
     """
 
-    def __init__(self, size: float, min_points: int, max_points: int, floor: float) -> None:
+    def __init__(self, size: float, min_points: int, max_points: int, floor: float, surfaces: bool = False) -> None:
         self.size, self.min_points, self.max_points, self.floor = size, min_points, max_points, floor
-        self._sums, self._gaussians, self._cell_keys = np.zeros((0, 11)), np.zeros((0, 9)), np.zeros(0, np.int64)
+        self.surfaces = surfaces
+        self._pose = np.eye(4)  # of the last points that were added
+        self._sums, self._gaussians = np.zeros((0, 11)), np.zeros((0, kernels.GAUSSIAN))
+        self._cell_keys = np.zeros(0, np.int64)
         self.clear()
 
     def __len__(self) -> int:
@@ -52,11 +57,12 @@ class VoxelGaussians:
         self._allocate(max(4096, len(self._sums)))
 
     def insert(self, xyz: Array, weight: Array, pose: Array) -> None:
-        """Add points (N, 3) float32 with weights (N,) float32, moved by `pose` (4, 4)."""
+        """Add points (N, 3) float32 with weights (N,) float32, seen from and moved by `pose` (4, 4)."""
         if self._count + len(xyz) > len(self._sums):
             self._allocate(2 * (self._count + len(xyz)))
+        self._pose = pose
         self._count = kernels.insert(
-            xyz, weight, pose, self.size, self.min_points, self.max_points, self.floor,
+            xyz, weight, pose, self.size, self.min_points, self.max_points, self.floor, self.surfaces,
             self._keys, self._slots, self._sums, self._gaussians, self._cell_keys, self._count,
         )  # fmt: skip
 
@@ -66,6 +72,18 @@ class VoxelGaussians:
             centre, radius, self._keys, self._slots, self._sums, self._gaussians, self._cell_keys, self._count
         )
 
+    def coarser(self, factor: int) -> VoxelGaussians:
+        """The same points in cells `factor` times as large."""
+        coarse = VoxelGaussians(self.size * factor, self.min_points, self.max_points, self.floor, surfaces=True)
+        if self._count > len(coarse._sums):
+            coarse._allocate(self._count)
+        coarse._pose = self._pose
+        coarse._count = kernels.merge(
+            self._sums, self._count, coarse.size, self.min_points, self.floor, self._pose,
+            coarse._keys, coarse._slots, coarse._sums, coarse._gaussians, coarse._cell_keys,
+        )  # fmt: skip
+        return coarse
+
     def normal_equations(
         self, xyz: Array, weight: Array, pose: Array, neighbours: int, kernel: float, scores: Array = NO_SCORES
     ) -> tuple[Array, Array, Array]:
@@ -74,12 +92,27 @@ class VoxelGaussians:
             xyz, weight, pose, self.size, neighbours, kernel, self._keys, self._slots, self._gaussians, scores
         )
 
+    def support(self, xyz: Array, weight: Array, pose: Array, kernel: float) -> tuple[Array, float, float]:
+        """See `kernels.support`."""
+        return kernels.support(xyz, weight, pose, self.size, kernel, self._keys, self._slots, self._gaussians)
+
+    def evidence(
+        self, xyz: Array, weight: Array, pose: Array, relevance: Array, block: float, most: float, scratch: Scratch
+    ) -> float:
+        """See `kernels.evidence`."""
+        return kernels.evidence(
+            xyz, weight, pose, relevance, self.size, block, most, self._keys, self._slots, self._gaussians, *scratch
+        )
+
     def _allocate(self, capacity: int) -> None:
         """Room for so many cells, with those there are."""
         old = (self._sums, self._gaussians, self._cell_keys)
-        self._sums, self._gaussians = np.zeros((capacity, 11)), np.zeros((capacity, 9))
+        self._sums, self._gaussians = np.zeros((capacity, 11)), np.zeros((capacity, kernels.GAUSSIAN))
         self._cell_keys = np.zeros(capacity, np.int64)
         for new, values in zip((self._sums, self._gaussians, self._cell_keys), old, strict=True):
             new[: self._count] = values[: self._count]
         self._keys, self._slots = hash_table(capacity)
         kernels.rehash(self._cell_keys, self._count, self._keys, self._slots)
+
+
+Scratch = tuple[Array, Array]  # of a hash table
