@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from slam.cell_sizes import sized
+from slam.cell_sizes import Sizes, sized
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.data.distortion import correct_vertical, deskew
@@ -73,9 +73,10 @@ class Odometry:
     def __init__(
         self, settings: OdometrySettings, *, sweep_duration: float = 0.1, vertical_correction: float = 0.0
     ) -> None:
-        self.settings = settings  # sizes that are None are filled in with the first scan
+        self.settings = settings
         self.sweep_duration, self.vertical_correction = sweep_duration, vertical_correction  # s, rad
-        self.target: Target | None = None  # with the first scan
+        self.sizes: Sizes | None = None  # with the first scan, as the target
+        self.target: Target | None = None
         self._pose, self._stamp = np.eye(4), float("nan")  # of the last scan that was registered
         self._velocity = np.zeros(6)  # rad/s, m/s in the sensor's axes
         self._registered = self._failures = 0
@@ -113,13 +114,10 @@ class Odometry:
 
     def _begin(self, scan: PointCloud) -> None:
         """Cells and thinning, from the first scan."""
-        self.settings = settings = sized(self.settings, scan.xyz)
-        assert (
-            settings.cell_sizes and settings.voxel_size and settings.map_voxel_size and settings.min_range is not None
-        )
-        self._thin = VoxelFilter(settings.map_voxel_size, settings.min_range, settings.max_range)
-        self._thin_more = VoxelFilter(settings.voxel_size)
-        self.target = _target(settings, settings.cell_sizes)
+        self.sizes = sizes = sized(self.settings, scan.xyz)
+        self._thin = VoxelFilter(sizes.map_voxel_size, sizes.min_range, self.settings.max_range)
+        self._thin_more = VoxelFilter(sizes.voxel_size)
+        self.target = _target(self.settings, sizes.cell_sizes)
 
     def _weights(self, scan: PointCloud) -> Array:
         """(N,) float32: 1 for a point that is sure enough, less for one whose range is less certain."""
@@ -204,7 +202,7 @@ class Odometry:
         return max(3 * float(usual), self.settings.min_gate)
 
     def _drifting(self, covariance: Array, directions: Array, stamp: float) -> Array:
-        """The covariance with what the prediction may be off by along `directions`: a velocity that changes at random."""
+        """The covariance, along `directions` of what the prediction may be off by: its velocity changes at random."""
         held = np.eye(6) - directions.T @ directions
         elapsed = self._elapsed(stamp)
         variance = (ACCELERATION * elapsed) ** 2 * self._unobserved_for * elapsed

@@ -17,7 +17,7 @@ _MASK = (1 << _BITS) - 1
 
 # Columns of a cell's running sums: weight, mean (3), scatter about the mean (xx xy xz yy yz zz), points seen.
 _MEAN, _SCATTER, _COUNT = 1, 4, 10
-# Columns of a Gaussian: mean (3), information (xx xy xz yy yz zz; all 0: it tells nothing), variance of its tilt [rad^2].
+# Columns of a Gaussian: mean (3), information (xx xy xz yy yz zz; 0: it tells nothing), variance of its tilt [rad^2].
 GAUSSIAN = 10
 
 # What a cell's eigenvalues, most >= middle >= least, say of the surface in it. Chosen on simulated and KITTI drives

@@ -1,9 +1,9 @@
 """Which directions a scan holds: those that its surfaces face more than their own noise explains.
 
-In a tunnel every normal points across it. Estimated normals tilt by a little, and a tilted normal seems to hold the axis:
-a thousand of them state a position along it with a sigma of millimetres that is all noise. How much they tilt is known
-from each surface's thickness, width and number of points, and what a direction has by that alone holds nothing. (Zhang,
-Kaess, Singh, ICRA 2016, judge by the eigenvalues alone, against a limit for each environment.)
+In a tunnel every normal points across it. Estimated normals tilt by a little, and a tilted normal seems to hold the
+axis: a thousand of them state a position along it with a sigma of millimetres that is all noise. How much they tilt is
+known from each surface's thickness, width and number of points, and what a direction has by that alone holds nothing.
+(Zhang, Kaess, Singh, ICRA 2016, judge by the eigenvalues alone, against a limit for each environment.)
 """
 
 from __future__ import annotations
