@@ -14,7 +14,6 @@ from slam.data.cloud import Array, PointCloud
 from slam.data.distortion import correct_vertical, deskew
 from slam.registration.icp import IcpTarget
 from slam.registration.ndt import NdtTarget
-from slam.registration.observability import unobserved
 from slam.registration.result import RegistrationResult
 from slam.registration.voxels import VoxelFilter
 from slam.settings import OdometrySettings
@@ -32,6 +31,7 @@ TRIED_MOVES, TRIED_TURNS = 8, 3  # of a search's starts, that are registered
 USUAL_OVERLAP, OVERLAP_MEMORY = 0.8, 10  # share of the mean overlap of so many scans that none falls below in passing
 ENDS = 2  # of a motion: the scan before was registered with an error as well
 FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m: what a pose kept from the prediction is worth
+STEADY = 5  # scans in the mean velocity: a step of who carries the sensor, half a second of a car
 ACCELERATION = 1.0  # m/s^2, 1 sigma: what a velocity that is not observed may change by
 
 
@@ -44,6 +44,7 @@ class Target(Protocol):
     def evict(self, centre: Array, radius: float) -> None: ...
     def scorer(self, xyz: Array, weight: Array, centre: Array) -> Callable[[Array], float]: ...
     def align(self, xyz: Array, weight: Array, guess: Array, locked: Array = ...) -> RegistrationResult: ...
+    def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +80,7 @@ class Odometry:
         self.target: Target | None = None
         self._pose, self._stamp = np.eye(4), float("nan")  # of the last scan that was registered
         self._velocity = np.zeros(6)  # rad/s, m/s in the sensor's axes
+        self._steady = np.zeros(6)  # the same, the mean of the last
         self._registered = self._failures = 0
         self._jumps = self._squared_jumps = self._overlap = 0.0
         self._unobserved, self._unobserved_for = np.zeros((0, 3)), 0.0  # in the map's axes; since so many seconds
@@ -140,9 +142,9 @@ class Odometry:
             found = target.align(*points, prediction, self._unobserved)
             if not self._expected(prediction, found):
                 status, found = "retried", self._search(target, points, [prediction], found)
-        lost = unobserved(found.support, found.tilt, self._unobserved) if self._registered > 1 else self._unobserved
-        if len(lost) and not np.array_equal(lost, self._unobserved):
-            found = target.align(*points, prediction, lost)
+        lost = target.unobserved(*points, found.pose, self._unobserved)
+        if len(lost):
+            found = target.align(*points, self._steadied(prediction, lost, stamp), lost)
         if not self._sound(found, lost):
             return self._kept(prediction, scan, found)
         self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
@@ -152,6 +154,14 @@ class Odometry:
         directions = _all_unobserved(lost @ found.pose[:3, :3])
         covariance = self._drifting(ENDS * found.sandwich, directions, stamp)
         return OdometryStep(found.pose, covariance, "degenerate", found, scan, directions)
+
+    def _steadied(self, prediction: Array, lost: Array, stamp: float) -> Array:
+        """The prediction with the mean of the last velocities along the directions `lost` (K, 3): the last one alone
+        has its registrations' noise, which would add up from scan to scan."""
+        change = self._pose[:3, :3] @ (self._steady - self._velocity)[3:] * self._elapsed(stamp)
+        steadied = prediction.copy()
+        steadied[:3, 3] += lost.T @ (lost @ change)
+        return steadied
 
     def _centres(self, prediction: Array) -> list[Array]:
         """What is searched around after a gap: the clock may have been stepped, or scans may be missing."""
@@ -221,6 +231,7 @@ class Odometry:
         motion = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose))
         if self._registered:
             self._velocity = motion / self._likely_elapsed(motion, stamp)
+            self._steady += (self._velocity - self._steady) / min(self._registered, STEADY)
         self._pose, self._stamp = step.pose, stamp
         self._registered += 1
 
