@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -31,7 +32,7 @@ TRIED_MOVES, TRIED_TURNS = 8, 3  # of a search's starts, that are registered
 USUAL_OVERLAP, OVERLAP_MEMORY = 0.8, 10  # share of the mean overlap of so many scans that none falls below in passing
 ENDS = 2  # of a motion: the scan before was registered with an error as well
 FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m: what a pose kept from the prediction is worth
-STEADY = 5  # scans in the mean velocity: a step of who carries the sensor, half a second of a car
+STEADY = 10  # scans whose median velocity is kept: two steps of who carries the sensor, a second of a car
 ACCELERATION = 1.0  # m/s^2, 1 sigma: what a velocity that is not observed may change by
 
 
@@ -80,7 +81,7 @@ class Odometry:
         self.target: Target | None = None
         self._pose, self._stamp = np.eye(4), float("nan")  # of the last scan that was registered
         self._velocity = np.zeros(6)  # rad/s, m/s in the sensor's axes
-        self._steady = np.zeros(6)  # the same, the mean of the last
+        self._velocities: deque[Array] = deque(maxlen=STEADY)
         self._registered = self._failures = 0
         self._jumps = self._squared_jumps = self._overlap = 0.0
         self._unobserved, self._unobserved_for = np.zeros((0, 3)), 0.0  # in the map's axes; since so many seconds
@@ -156,9 +157,10 @@ class Odometry:
         return OdometryStep(found.pose, covariance, "degenerate", found, scan, directions)
 
     def _steadied(self, prediction: Array, lost: Array, stamp: float) -> Array:
-        """The prediction with the mean of the last velocities along the directions `lost` (K, 3): the last one alone
-        has its registrations' noise, which would add up from scan to scan."""
-        change = self._pose[:3, :3] @ (self._steady - self._velocity)[3:] * self._elapsed(stamp)
+        """The prediction with the median of the last velocities along the directions `lost` (K, 3): the last ones, from
+        scans that hardly held them, are wrong, and what they are wrong by would add up from scan to scan."""
+        steady = np.median([velocity[3:] for velocity in self._velocities], axis=0)
+        change = self._pose[:3, :3] @ (steady - self._velocity[3:]) * self._elapsed(stamp)
         steadied = prediction.copy()
         steadied[:3, 3] += lost.T @ (lost @ change)
         return steadied
@@ -231,7 +233,7 @@ class Odometry:
         motion = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose))
         if self._registered:
             self._velocity = motion / self._likely_elapsed(motion, stamp)
-            self._steady += (self._velocity - self._steady) / min(self._registered, STEADY)
+            self._velocities.append(self._velocity)
         self._pose, self._stamp = step.pose, stamp
         self._registered += 1
 
