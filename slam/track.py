@@ -31,6 +31,7 @@ SEARCH_STEP = 0.5  # m, below the reach of a coarse cell
 SEARCH_TURNS = np.deg2rad([4, -4, 8, -8, 12, -12, 16, -16])  # about the vertical: a sharp corner in one frame
 TRIED_MOVES, TRIED_TURNS = 12, 3  # of a search's starts, that are registered
 HYPOTHESES = 5  # about the first motion
+FASTEST = 45.0  # m/s, of a first motion: posts a few metres apart fit at any multiple of their distance
 DISTINCT = 0.4  # of the finest cells: motions nearer to each other are one
 USUAL_OVERLAP, OVERLAP_MEMORY = 0.8, 10  # share of the mean overlap of so many scans that none falls below in passing
 ENDS = 2  # of a motion: the scan before was registered with an error as well
@@ -121,18 +122,27 @@ class Track:
         if self.target is None or len(points[0]) < MIN_POINTS:
             return []
         score = self.target.scorer(*points, self._pose)
-        tried = [
-            found for found in self._tried(self.target, points, [self._pose], score) if self._sound(found, NOTHING)
-        ]
-        apart = DISTINCT * self.target.reach
-        branches: list[tuple[Track, OdometryStep]] = []
-        for found in sorted(tried, key=lambda result: -score(result.pose)):
-            if all(np.linalg.norm((found.pose - step.pose)[:3, 3]) > apart for _, step in branches[:HYPOTHESES]):
-                step = OdometryStep(found.pose, ENDS * found.sandwich, "registered", found, scan)
-                track = copy.deepcopy(self)
-                track.weighing = True
-                branches.append((track, track._taken(step, map_points, points, stamp)))
-        return branches[:HYPOTHESES]
+        tried = self._tried(self.target, points, [self._pose], score)
+        branches = []
+        for found in self._distinct(tried, score, stamp)[:HYPOTHESES]:
+            track = copy.deepcopy(self)
+            track.weighing = True
+            step = OdometryStep(found.pose, ENDS * found.sandwich, "registered", found, scan)
+            branches.append((track, track._taken(step, map_points, points, stamp)))
+        return branches
+
+    def _distinct(
+        self, tried: list[RegistrationResult], score: Callable[[Array], float], stamp: float
+    ) -> list[RegistrationResult]:
+        """Those that are possible, of those that are near to each other the best, best first."""
+        assert self.target is not None
+        apart, farthest = DISTINCT * self.target.reach, FASTEST * self._elapsed(stamp)
+        distinct: list[RegistrationResult] = []
+        for found in sorted(tried, key=lambda result: score(result.pose), reverse=True):
+            known = any(_moved(other.pose, found.pose) < apart for other in distinct)
+            if not known and _moved(self._pose, found.pose) < farthest and self._sound(found, NOTHING):
+                distinct.append(found)
+        return distinct
 
     def _prepared(self, cloud: PointCloud) -> tuple[PointCloud, Points, Points]:
         """A scan as it is registered, its points for the map, and those that are held against it."""
@@ -181,7 +191,8 @@ class Track:
     ) -> OdometryStep:
         if self.weighing:  # a hypothesis is followed, not put right
             found = target.align(*points, prediction)
-            if not self._sound(found, NOTHING):
+            led_away = _moved(prediction, found.pose) > DISTINCT * target.reach
+            if led_away or not self._sound(found, NOTHING):
                 return self._kept(prediction, scan, found)
             return OdometryStep(found.pose, ENDS * found.sandwich, "registered", found, scan)
         status: Literal["registered", "retried", "degenerate"] = "registered"
@@ -316,11 +327,16 @@ Points = tuple[Array, Array]  # xyz (N, 3) and weights (N,), float32
 NO_POINTS: Points = (np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
 
 
+def _moved(pose: Array, other: Array) -> float:
+    """How far apart two poses are [m]."""
+    return float(np.linalg.norm((other - pose)[:3, 3]))
+
+
 def _apart(poses: list[Array], distance: float) -> list[Array]:
     """Those that are no nearer than `distance` to one before them."""
     kept: list[Array] = []
     for pose in poses:
-        if all(np.linalg.norm((pose - other)[:3, 3]) >= distance for other in kept):
+        if all(_moved(other, pose) >= distance for other in kept):
             kept.append(pose)
     return kept
 
