@@ -111,6 +111,7 @@ class Slam:
         self.result.problems.extend(problems)
         tracked = self._tracker(frame)
         self.result.deskewed |= tracked.timed
+        self.result.sizes = self._tracker.sizes
 
         step, position = tracked.step, len(self.result.records)
         laps = {"load": load_milliseconds, **tracked.milliseconds}

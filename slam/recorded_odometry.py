@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from slam.cell_sizes import Sizes
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.distortion import correct_vertical, deskew
@@ -49,6 +50,7 @@ class RecordedSteps:
         self._poses = se3.inverse(poses[0]) @ poses
         self._sweep_duration, self._vertical_correction = sweep_duration, vertical_correction
         self._next, self._stamp = 0, float("nan")
+        self.sizes: Sizes | None = None  # nothing is registered
 
     def predict(self, stamp: float) -> Array:
         """The pose (4, 4) of the next scan."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from slam import degeneracy
+from slam.cell_sizes import Sizes
 from slam.data import se3
 from slam.data.cloud import Array, Calibration, PointCloud
 from slam.data.problem import Problem
@@ -82,6 +83,7 @@ class Run:
         config: The settings.
         vertical_correction: Angle [rad] that every elevation was raised by.
         deskewed: Whether any scan was deskewed.
+        sizes: Of the odometry's cells and thinning, from the settings or the first scan; None where poses are recorded.
         mapping: Keyframes, loops and map, None while frames are still being added.
         milliseconds: Of the stages behind the odometry (map, loops, back_end), a figure a keyframe or frame.
         records: One a frame.
@@ -92,6 +94,7 @@ class Run:
     config: Config
     vertical_correction: float
     deskewed: bool = False
+    sizes: Sizes | None = None
     mapping: MappingResult | None = None
     milliseconds: dict[str, list[float]] = field(default_factory=dict)
     records: list[FrameRecord] = field(default_factory=list)

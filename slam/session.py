@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import platform
 from contextlib import suppress
+from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -135,6 +136,7 @@ def _report(run: Run) -> dict[str, Any]:
             "input": run.config.front_end.input,
             "vertical_correction_deg": round(float(np.rad2deg(run.vertical_correction)), 6),
             "deskew": run.deskewed,
+            "sizes_m": asdict(run.sizes) if run.sizes else None,
             "alignment": "none: the first frame is the origin; metrics.json says how each figure was aligned",
             "versions": _versions(),
             "config": run.config.model_dump(mode="json"),

@@ -7,6 +7,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+from slam.cell_sizes import Sizes
 from slam.data import se3
 from slam.data.cloud import HISTORY, Array, Frame, History, PointCloud
 from slam.data.errors import InputError
@@ -17,6 +18,8 @@ from slam.odometry import OdometryStep
 class PoseSource(Protocol):
     """Poses scan by scan: our `Odometry`, or `RecordedSteps`, which has them from a file."""
 
+    @property
+    def sizes(self) -> Sizes | None: ...
     def predict(self, stamp: float) -> Array: ...
     def register(self, cloud: PointCloud, stamp: float) -> OdometryStep: ...
     def settle(self) -> tuple[OdometryStep, ...]: ...
@@ -64,6 +67,11 @@ class Tracker:
         self._revise(step.revised)
         laps = {"front_end": 1e3 * (between - begin), "odometry": 1e3 * (end - between)}
         return Tracked(cloud, step, scan.time is not None, laps)
+
+    @property
+    def sizes(self) -> Sizes | None:
+        """Of the odometry's cells and thinning, once a scan has told them; None where poses are recorded."""
+        return self._odometry.sizes
 
     def settle(self) -> tuple[OdometryStep, ...]:
         """See `Odometry.settle`: no scan follows that could put the first poses right."""

@@ -73,12 +73,17 @@ def _summary(report: dict[str, Any]) -> str:
     return (
         f"{protocol['dataset']}, input {protocol['input']}, deskew {'on' if protocol['deskew'] else 'off'}, "
         f"vertical correction {protocol['vertical_correction_deg']:.3f} deg, "
-        f"registration {odometry['registration']} against the {odometry['target']}\n"
+        f"registration {odometry['registration']} against the {odometry['target']}{_cells(protocol['sizes_m'])}\n"
         f"{counts['frames']} frames, {report['path_length_m']:.2f} m; {counts['retried']} registered after a search, "
         f"{counts['failed']} failed; map of {report['map_points']:,} points\n"
         f"{notes}{_loops(report['loops'])}\n"
         f"Median: odometry {times['odometry']['median']:.1f} ms a frame; beside it {', '.join(beside)}\n"
     )
+
+
+def _cells(sizes: dict[str, Any] | None) -> str:
+    """The cells that the first scan, or a setting, has chosen."""
+    return f", cells of {' and '.join(f'{size:.2g}' for size in sizes['cell_sizes'])} m" if sizes else ""
 
 
 def _loops(loops: dict[str, int]) -> str:
