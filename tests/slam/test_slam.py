@@ -67,7 +67,7 @@ def frames() -> list[Frame]:
 
 
 def slam() -> Slam:
-    overrides = ["loops.scan_context.min_travelled=60", "pose_graph.held_back=0"]
+    overrides = ["loops.scan_context.min_travelled=60"]
     return Slam(load_config(None, overrides), odometry=Drifting())
 
 
