@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.odometry import inputs
 from benchmarks.odometry.systems import our_odometry
+from slam.cell_sizes import sized
 from slam.config import load_config
 from slam.data.cloud import Array, Frame
 from slam.data.dataset import Dataset
@@ -42,9 +43,9 @@ def settings_of(name: str, data: Dataset, overrides: Sequence[str] = ()) -> Odom
     return load_config(overrides=overrides, input=inputs.channels(name, data)).odometry
 
 
-def base_sizes(name: str, data: Dataset) -> dict[str, Any]:
-    """Cells and voxels [m] of the odometry on an input of a drive, by the names of their settings."""
-    settings = settings_of(name, data)
+def base_sizes(name: str, data: Dataset, first: Frame) -> dict[str, Any]:
+    """Cells and voxels [m] of the odometry on an input of a drive that begins with `first`, by their names."""
+    settings = sized(settings_of(name, data), inputs.front_end(name, data)(first, ()).xyz)
     return {size: getattr(settings, size) for size in ("cell_sizes", "voxel_size", "map_voxel_size")}
 
 
