@@ -21,7 +21,7 @@ from slam.tracking import Tracker
 
 
 def front_ends(data: Dataset, methods: Mapping[str, Method]) -> dict[str, tuple[FrontEnd, OdometrySettings]]:
-    """For 64 channels, for 16, and for these filled in by each method, each with the settings of its preset."""
+    """For 64 channels, for 16, and for these filled in by each method, each with its settings."""
     assert data.sensor is not None
     sparse = RingFrontEnd(load_config(input="16").front_end, data.sensor)
     made: dict[str, tuple[FrontEnd, str]] = {
