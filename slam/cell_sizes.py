@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from slam.data.cloud import Array
@@ -15,17 +17,27 @@ LEAST, MOST = 0.4, 1.0  # m; smaller cells are empty, larger ones hold more than
 COARSE, THINNING, MAP_THINNING, MIN_RANGE = 1.5, 0.75, 0.4, 2.5  # times the finest cells
 
 
-def sized(settings: OdometrySettings, xyz: Array) -> OdometrySettings:
-    """The settings with all sizes filled in, for a drive that begins with the scan (N, 3) float32, N > 0."""
-    near_and_far = VoxelFilter(EVEN, NEAR, settings.max_range)(xyz, np.ones(len(xyz), np.float32))[0]
-    ranges = np.linalg.norm(near_and_far, axis=1) if len(near_and_far) else np.array([settings.max_range])
+@dataclass(frozen=True)
+class Sizes:
+    """Of the odometry, all in metres: cells coarse to fine, thinning of what is registered and of what enters the map,
+    and the nearest points that count."""
+
+    cell_sizes: tuple[float, ...]
+    voxel_size: float
+    map_voxel_size: float
+    min_range: float
+
+
+def sized(settings: OdometrySettings, xyz: Array) -> Sizes:
+    """The settings' sizes, and for those that are None what suits a drive that begins with the scan (N, 3) float32."""
+    evenly = VoxelFilter(EVEN, NEAR, settings.max_range)(xyz, np.ones(len(xyz), np.float32))[0]
+    ranges = np.linalg.norm(evenly, axis=1) if len(evenly) else np.array([settings.max_range])
     finest = float(np.clip(SHARE * np.median(ranges), LEAST, MOST))
-    if settings.cell_sizes is not None:
-        finest = settings.cell_sizes[-1]
-    chosen = {
-        "cell_sizes": (COARSE * finest, finest),
-        "voxel_size": THINNING * finest,
-        "map_voxel_size": MAP_THINNING * finest,
-        "min_range": MIN_RANGE * finest,
-    }
-    return settings.model_copy(update={k: v for k, v in chosen.items() if getattr(settings, k) is None})
+    cells = settings.cell_sizes or (COARSE * finest, finest)
+    finest = cells[-1]
+    return Sizes(
+        cell_sizes=cells,
+        voxel_size=settings.voxel_size or THINNING * finest,
+        map_voxel_size=settings.map_voxel_size or MAP_THINNING * finest,
+        min_range=MIN_RANGE * finest if settings.min_range is None else settings.min_range,
+    )

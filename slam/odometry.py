@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
 
-from slam.cell_sizes import sized
+from slam.cell_sizes import Sizes, sized
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.data.distortion import correct_vertical, deskew
 from slam.registration.icp import IcpTarget
 from slam.registration.ndt import NdtTarget
-from slam.registration.observability import unobserved
 from slam.registration.result import RegistrationResult
 from slam.registration.voxels import VoxelFilter
 from slam.settings import OdometrySettings
@@ -32,6 +32,7 @@ TRIED_MOVES, TRIED_TURNS = 8, 3  # of a search's starts, that are registered
 USUAL_OVERLAP, OVERLAP_MEMORY = 0.8, 10  # share of the mean overlap of so many scans that none falls below in passing
 ENDS = 2  # of a motion: the scan before was registered with an error as well
 FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m: what a pose kept from the prediction is worth
+STEADY = 10  # scans whose median velocity is kept: two steps of who carries the sensor, a second of a car
 ACCELERATION = 1.0  # m/s^2, 1 sigma: what a velocity that is not observed may change by
 
 
@@ -44,6 +45,7 @@ class Target(Protocol):
     def evict(self, centre: Array, radius: float) -> None: ...
     def scorer(self, xyz: Array, weight: Array, centre: Array) -> Callable[[Array], float]: ...
     def align(self, xyz: Array, weight: Array, guess: Array, locked: Array = ...) -> RegistrationResult: ...
+    def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +75,13 @@ class Odometry:
     def __init__(
         self, settings: OdometrySettings, *, sweep_duration: float = 0.1, vertical_correction: float = 0.0
     ) -> None:
-        self.settings = settings  # sizes that are None are filled in with the first scan
+        self.settings = settings
         self.sweep_duration, self.vertical_correction = sweep_duration, vertical_correction  # s, rad
-        self.target: Target | None = None  # with the first scan
+        self.sizes: Sizes | None = None  # with the first scan, as the target
+        self.target: Target | None = None
         self._pose, self._stamp = np.eye(4), float("nan")  # of the last scan that was registered
         self._velocity = np.zeros(6)  # rad/s, m/s in the sensor's axes
+        self._velocities: deque[Array] = deque(maxlen=STEADY)
         self._registered = self._failures = 0
         self._jumps = self._squared_jumps = self._overlap = 0.0
         self._unobserved, self._unobserved_for = np.zeros((0, 3)), 0.0  # in the map's axes; since so many seconds
@@ -113,13 +117,10 @@ class Odometry:
 
     def _begin(self, scan: PointCloud) -> None:
         """Cells and thinning, from the first scan."""
-        self.settings = settings = sized(self.settings, scan.xyz)
-        assert (
-            settings.cell_sizes and settings.voxel_size and settings.map_voxel_size and settings.min_range is not None
-        )
-        self._thin = VoxelFilter(settings.map_voxel_size, settings.min_range, settings.max_range)
-        self._thin_more = VoxelFilter(settings.voxel_size)
-        self.target = _target(settings, settings.cell_sizes)
+        self.sizes = sizes = sized(self.settings, scan.xyz)
+        self._thin = VoxelFilter(sizes.map_voxel_size, sizes.min_range, self.settings.max_range)
+        self._thin_more = VoxelFilter(sizes.voxel_size)
+        self.target = _target(self.settings, sizes.cell_sizes)
 
     def _weights(self, scan: PointCloud) -> Array:
         """(N,) float32: 1 for a point that is sure enough, less for one whose range is less certain."""
@@ -142,9 +143,9 @@ class Odometry:
             found = target.align(*points, prediction, self._unobserved)
             if not self._expected(prediction, found):
                 status, found = "retried", self._search(target, points, [prediction], found)
-        lost = unobserved(found.support, found.tilt, self._unobserved) if self._registered > 1 else self._unobserved
-        if len(lost) and not np.array_equal(lost, self._unobserved):
-            found = target.align(*points, prediction, lost)
+        lost = target.unobserved(*points, found.pose, self._unobserved)
+        if len(lost):
+            found = target.align(*points, self._steadied(prediction, lost, stamp), lost)
         if not self._sound(found, lost):
             return self._kept(prediction, scan, found)
         self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
@@ -154,6 +155,15 @@ class Odometry:
         directions = _all_unobserved(lost @ found.pose[:3, :3])
         covariance = self._drifting(ENDS * found.sandwich, directions, stamp)
         return OdometryStep(found.pose, covariance, "degenerate", found, scan, directions)
+
+    def _steadied(self, prediction: Array, lost: Array, stamp: float) -> Array:
+        """The prediction with the median of the last velocities along the directions `lost` (K, 3): the last ones, from
+        scans that hardly held them, are wrong, and what they are wrong by would add up from scan to scan."""
+        steady = np.median([velocity[3:] for velocity in self._velocities], axis=0)
+        change = self._pose[:3, :3] @ (steady - self._velocity[3:]) * self._elapsed(stamp)
+        steadied = prediction.copy()
+        steadied[:3, 3] += lost.T @ (lost @ change)
+        return steadied
 
     def _centres(self, prediction: Array) -> list[Array]:
         """What is searched around after a gap: the clock may have been stepped, or scans may be missing."""
@@ -204,7 +214,7 @@ class Odometry:
         return max(3 * float(usual), self.settings.min_gate)
 
     def _drifting(self, covariance: Array, directions: Array, stamp: float) -> Array:
-        """The covariance with what the prediction may be off by along `directions`: a velocity that changes at random."""
+        """The covariance, along `directions` of what the prediction may be off by: its velocity changes at random."""
         held = np.eye(6) - directions.T @ directions
         elapsed = self._elapsed(stamp)
         variance = (ACCELERATION * elapsed) ** 2 * self._unobserved_for * elapsed
@@ -223,6 +233,7 @@ class Odometry:
         motion = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose))
         if self._registered:
             self._velocity = motion / self._likely_elapsed(motion, stamp)
+            self._velocities.append(self._velocity)
         self._pose, self._stamp = step.pose, stamp
         self._registered += 1
 

@@ -54,11 +54,9 @@ def minimise(
     return pose, False
 
 
-def result(
-    model: Linearisation, pose: Array, converged: bool, xyz: Array, scores: Array, support: Array, tilt: float
-) -> RegistrationResult:
+def result(model: Linearisation, pose: Array, converged: bool, xyz: Array, scores: Array) -> RegistrationResult:
     """The model at the final pose, in the source's axes, with its covariances; `scores` (N, 6) are the points' (N, 3)
-    parts of the gradient; `support` and `tilt` as in RegistrationResult."""
+    parts of the gradient."""
     turn = np.zeros((6, 6))
     turn[:3, :3] = turn[3:, 3:] = pose[:3, :3]
     H = turn.T @ model.H @ turn
@@ -71,8 +69,6 @@ def result(
         inlier_ratio=model.inlier_ratio,
         overlap=model.overlap,
         converged=converged,
-        support=support,
-        tilt=tilt,
     )
 
 

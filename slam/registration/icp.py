@@ -56,7 +56,12 @@ class IcpTarget:
         pose, converged = minimise(lambda T: self._linearise(xyz, weight, T), guess, self.max_iterations, fixed)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(xyz, weight, pose, scores)
-        return result(model, pose, converged, xyz, scores, np.eye(3) / 3, 0.0)
+        return result(model, pose, converged, xyz, scores)
+
+    def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
+        """Not known from scan to scan: none (0, 3)."""
+        del xyz, weight, pose, before
+        return NOTHING
 
     def _linearise(self, xyz: Array, weight: Array, pose: Array, scores: Array | None = None) -> Linearisation:
         turned = xyz @ pose[:3, :3].T

@@ -17,7 +17,7 @@ _MASK = (1 << _BITS) - 1
 
 # Columns of a cell's running sums: weight, mean (3), scatter about the mean (xx xy xz yy yz zz), points seen.
 _MEAN, _SCATTER, _COUNT = 1, 4, 10
-# Columns of a Gaussian: mean (3), information (xx xy xz yy yz zz; all 0: it tells nothing), variance of its tilt [rad^2].
+# Columns of a Gaussian: mean (3), information (xx xy xz yy yz zz; 0: it tells nothing), variance of its tilt [rad^2].
 GAUSSIAN = 10
 
 # What a cell's eigenvalues, most >= middle >= least, say of the surface in it. Chosen on simulated and KITTI drives
@@ -26,6 +26,7 @@ ELONGATED = 2.5  # most beyond so many times the middle: a line of points, an ed
 CROSSING = 0.5  # squared cosine: a line that turns less across the rings is a ring's trace
 FLAT = 0.2  # least beyond this share of the middle: no surface
 INDEPENDENT = 10.0  # points of a cell that count as independent where the tilt of its surface is reckoned
+TILTED = 9.0  # times the variance of its tilt: what a surface may have along a direction by that, three sigma
 
 
 @njit(inline="always")
@@ -411,14 +412,14 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
 
 
 @njit(cache=True, nogil=True)
-def support(xyz, weight, pose, size, kernel, keys, slots, gaussians):
-    """Which directions the matched points' surfaces face: (3, 3) mean of n n^T, trace 1, in the axes of the map.
+def support(xyz, weight, pose, size, kernel, axes, keys, slots, gaussians):
+    """Which directions the surfaces face that hold the points: (3, 3) mean of n n^T, trace 1, in the axes of the map.
 
-    Weighted as in `normal_equations`. Also the mean variance of the surfaces' tilt [rad^2], the share that a direction
-    has by their noise alone, and the weight of the matched points.
+    Weighted as in `normal_equations`. Also (3,): what each of the orthonormal `axes` (3, 3), its rows, has of this
+    without the surfaces that seem to face it only as far as their normals may be tilted.
     """
-    shares = np.zeros((3, 3))
-    tilt, total = 0.0, 0.0
+    facing, clear = np.zeros((3, 3)), np.zeros(3)
+    total = 1e-12
     inverse_size, inverse_kernel = 1.0 / size, 1.0 / (kernel * kernel)
     for i in range(len(xyz)):
         x, y, z = _turned(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
@@ -428,31 +429,34 @@ def support(xyz, weight, pose, size, kernel, keys, slots, gaussians):
             continue
         S = gaussians[slots[slot]]
         u = weight[i] / (1.0 + _mahalanobis(S, x, y, z) * inverse_kernel)
-        share = u / (S[3] + S[6] + S[8])
-        shares[0, 0] += share * S[3]
-        shares[0, 1] += share * S[4]
-        shares[0, 2] += share * S[5]
-        shares[1, 1] += share * S[6]
-        shares[1, 2] += share * S[7]
-        shares[2, 2] += share * S[8]
-        tilt += u * S[9]
         total += u
+        u /= S[3] + S[6] + S[8]
+        facing[0, 0] += u * S[3]
+        facing[0, 1] += u * S[4]
+        facing[0, 2] += u * S[5]
+        facing[1, 1] += u * S[6]
+        facing[1, 2] += u * S[7]
+        facing[2, 2] += u * S[8]
+        for k in range(3):
+            share = _along(S, axes[k, 0], axes[k, 1], axes[k, 2])
+            if share > TILTED * S[9] * (S[3] + S[6] + S[8]):
+                clear[k] += u * share
     for i in range(3):
         for j in range(i):
-            shares[i, j] = shares[j, i]
-    least = max(total, 1e-12)
-    return shares / least, tilt / least, total
+            facing[i, j] = facing[j, i]
+    return facing / total, clear / total
+
+
+@njit(inline="always")
+def _along(S, x, y, z):
+    """v^T S v: the information that a Gaussian has along a direction."""
+    return x * (S[3] * x + 2.0 * (S[4] * y + S[5] * z)) + y * (S[6] * y + 2.0 * S[7] * z) + z * S[8] * z
 
 
 @njit(inline="always")
 def _mahalanobis(S, x, y, z):
     """Squared distance of a point from a Gaussian."""
-    rx, ry, rz = x - S[0], y - S[1], z - S[2]
-    return (
-        rx * (S[3] * rx + S[4] * ry + S[5] * rz)
-        + ry * (S[4] * rx + S[6] * ry + S[7] * rz)
-        + rz * (S[5] * rx + S[7] * ry + S[8] * rz)
-    )
+    return _along(S, x - S[0], y - S[1], z - S[2])
 
 
 @njit(cache=True, nogil=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from slam.data.cloud import Array
 from slam.registration.gauss_newton import Linearisation, minimise, result
+from slam.registration.observability import unobserved
 from slam.registration.result import RegistrationResult
 from slam.registration.voxels import NO_SCORES, VoxelGaussians, hash_table
 
@@ -99,10 +100,14 @@ class NdtTarget:
             pose, converged = minimise(partial(self._linearise, level, xyz, weight), pose, limit, fixed)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(self.levels[-1], xyz, weight, pose, scores)
-        support, tilt = np.eye(3) / 3, 0.0
-        if self.surfaces:
-            support, tilt, _ = self.levels[-1].support(xyz, weight, pose, self.kernel)
-        return result(model, pose, converged, xyz, scores, support, tilt)
+        return result(model, pose, converged, xyz, scores)
+
+    def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
+        """Directions (K, 3) that points at `pose` do not hold, as `observability.unobserved` finds them; none where
+        cells hold by their covariance, in which noise cannot be told from what holds."""
+        if not self.surfaces:
+            return NOTHING
+        return unobserved(self.levels[-1], xyz, weight, pose, self.kernel, before)
 
     def _linearise(
         self, level: VoxelGaussians, xyz: Array, weight: Array, pose: Array, scores: Array = NO_SCORES

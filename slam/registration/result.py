@@ -21,9 +21,6 @@ class RegistrationResult:
     overlap       share of the points' weight that met the target: a cell with a Gaussian, a point within the gate
     inlier_ratio  share of those that fit it: Mahalanobis distance squared below 7.8, the 95 % quantile of chi^2(3)
     converged     the last step was below the thresholds before the iterations ran out
-    support       (3, 3) mean of n n^T over the matched points, n the normal of the surface that holds each, in the
-                  target's axes
-    tilt          [rad^2] mean variance of those normals: what a direction has in `support` by their noise
     """
 
     pose: Array
@@ -33,5 +30,3 @@ class RegistrationResult:
     overlap: float
     inlier_ratio: float
     converged: bool
-    support: Array
-    tilt: float

@@ -7,7 +7,7 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.registration import kernels
 
-NO_SCORES = np.zeros((0, 6))
+NO_SCORES, AXES = np.zeros((0, 6)), np.eye(3)
 
 
 def hash_table(entries: int) -> tuple[Array, Array]:
@@ -92,9 +92,9 @@ class VoxelGaussians:
             xyz, weight, pose, self.size, neighbours, kernel, self._keys, self._slots, self._gaussians, scores
         )
 
-    def support(self, xyz: Array, weight: Array, pose: Array, kernel: float) -> tuple[Array, float, float]:
+    def support(self, xyz: Array, weight: Array, pose: Array, kernel: float, axes: Array = AXES) -> tuple[Array, Array]:
         """See `kernels.support`."""
-        return kernels.support(xyz, weight, pose, self.size, kernel, self._keys, self._slots, self._gaussians)
+        return kernels.support(xyz, weight, pose, self.size, kernel, axes, self._keys, self._slots, self._gaussians)
 
     def evidence(
         self, xyz: Array, weight: Array, pose: Array, relevance: Array, block: float, most: float, scratch: Scratch
