@@ -45,8 +45,8 @@ def settings_of(name: str, data: Dataset, overrides: Sequence[str] = ()) -> Odom
 
 def base_sizes(name: str, data: Dataset, first: Frame) -> dict[str, Any]:
     """Cells and voxels [m] of the odometry on an input of a drive that begins with `first`, by their names."""
-    settings = sized(settings_of(name, data), inputs.front_end(name, data)(first, ()).xyz)
-    return {size: getattr(settings, size) for size in ("cell_sizes", "voxel_size", "map_voxel_size")}
+    sizes = sized(settings_of(name, data), inputs.front_end(name, data)(first, ()).xyz)
+    return {size: getattr(sizes, size) for size in ("cell_sizes", "voxel_size", "map_voxel_size")}
 
 
 def own_run(data: Dataset, frames: Iterable[Frame], name: str, overrides: Sequence[str] = ()) -> OwnRun:

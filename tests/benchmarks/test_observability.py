@@ -121,4 +121,4 @@ def test_sizes_are_those_that_the_odometry_takes(street_drive: Callable[..., Pat
     sizes = base_sizes("16", data, data[0])
     assert set(sizes) == {"cell_sizes", "voxel_size", "map_voxel_size"}
     for name, size in sizes.items():
-        np.testing.assert_allclose(size, getattr(tracker.settings, name), rtol=0.02, err_msg=name)  # before deskewing
+        np.testing.assert_allclose(size, getattr(tracker.sizes, name), rtol=0.02, err_msg=name)  # before deskewing
