@@ -77,8 +77,7 @@ def test_a_wall_holds_along_its_normal_alone() -> None:
 def test_the_ground_is_told_by_two_rings_and_not_by_one() -> None:
     one = spread([0.05, 0.3, 0.5], [0.95, 0.3, 0.5], count=60, noise=0.003)
     assert along(seen(one), UP) == np.inf
-    other = one + [0, 0.5, 0]
-    ground = seen(np.concatenate([one, other]))
+    ground = seen(np.concatenate([one, one + 0.5 * ACROSS]))
     assert along(ground, UP) < 0.05
     assert along(ground, ACROSS) > 10 * along(ground, UP)
 
@@ -110,9 +109,8 @@ def test_without_surfaces_the_whole_covariance_holds() -> None:
         covariance = np.cov(xyz.T)
         ridge = 0.003 * np.trace(covariance) + 1e-6
         expected = np.linalg.inv(covariance + ridge * np.eye(3))
-        np.testing.assert_allclose(
-            information(seen(xyz, surfaces=False)), expected, atol=1e-5 * expected.max()
-        )  # of float32
+        digits = 1e-5 * expected.max()  # of float32 points
+        np.testing.assert_allclose(information(seen(xyz, surfaces=False)), expected, atol=digits)
 
 
 @pytest.mark.parametrize("factor", [2, 4])
@@ -120,12 +118,10 @@ def test_coarser_cells_are_those_that_the_points_would_have_filled(factor: int) 
     """Two walls, the ground, poles; by what a scan half a cell off meets in them."""
     parts = [([-9, 4.3, -2], [9, 4.3, 3]), ([6.6, -9, -2], [6.6, 4.3, 3]), ([-9, -9, -1.7], [9, 9, -1.7])]
     poles = [([x, y, -1.7], [x, y, 2]) for x, y in ((-3.3, 2.2), (1.6, -4.4), (4.4, 1.4))]
-    xyz = np.concatenate(
-        [spread(low, high, count) for count, ends in ((4000, parts), (200, poles)) for low, high in ends]
-    )
+    xyz = np.concatenate([*(spread(*ends, 4000) for ends in parts), *(spread(*ends) for ends in poles)])
     fine, coarse = seen(xyz).coarser(factor), seen(xyz, size=float(factor))
     assert len(fine) == len(coarse) > 30
-    moved = (xyz + [0.5, -0.3, 0.1]).astype(np.float32)
+    moved = (xyz + np.array([0.5, -0.3, 0.1])).astype(np.float32)
     found, expected = (cells.normal_equations(moved, ones(moved), np.eye(4), 1, 1.0) for cells in (fine, coarse))
     assert expected[2][4] > 1000  # points that met a Gaussian
     for one, other in zip(found, expected, strict=True):
