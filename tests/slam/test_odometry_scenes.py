@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Literal
 
@@ -14,6 +15,7 @@ from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.odometry import Odometry, OdometryStep
 from slam.registration.ndt import NdtTarget
+from slam.registration.result import RegistrationResult
 from slam.settings import OdometrySettings
 
 Scene = Literal["tunnel", "plane", "street", "corridor"]
@@ -193,6 +195,28 @@ def test_without_the_check_the_tunnel_is_driven_wrongly(rings: int, monkeypatch:
     assert abs(off(steps, evenly(60))[-1, 0]) > 5
     variances = np.array([step.covariance[3, 3] for step in steps[1:]])
     assert np.mean(((ahead(steps) - SPEED) ** 2 / variances)[INSIDE[1:]]) > 9  # and sure of it
+
+
+def test_a_last_registration_that_slipped_is_not_driven_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scan before the axis is lost is put 20 cm too far ahead: that is no speed that goes on."""
+    frame, align, unobserved = 0, NdtTarget.align, NdtTarget.unobserved
+
+    def slipping(target: NdtTarget, *arguments: Array) -> RegistrationResult:
+        found = align(target, *arguments)
+        slip = np.eye(4)
+        slip[0, 3] = 0.2 * (frame == 13)
+        return replace(found, pose=slip @ found.pose)
+
+    def lost(target: NdtTarget, *arguments: Array) -> Array:
+        return np.eye(3)[:1] if frame > 13 else unobserved(target, *arguments)
+
+    monkeypatch.setattr(NdtTarget, "align", slipping)
+    monkeypatch.setattr(NdtTarget, "unobserved", lost)
+    odometry, steps = Odometry(OdometrySettings()), []
+    for frame, x in enumerate(evenly(18)):
+        steps.append(odometry.register(scan("street", 64, float(x), frame), 0.1 * frame))
+    assert [step.status for step in steps[14:]] == ["degenerate"] * 4
+    np.testing.assert_allclose(ahead(steps)[13:], SPEED, atol=0.02)
 
 
 def test_a_street_with_houses_holds_everywhere(rings: int) -> None:
