@@ -1,287 +1,84 @@
-"""Where the sensor is, scan by scan: deskew, thin, predict, register, judge, remember."""
+"""Odometry: the sensor's pose scan by scan, begun with several hypotheses of how it moves."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from dataclasses import replace
 
-import numpy as np
-
-from slam.cell_sizes import Sizes, sized
-from slam.data import se3
+from slam.cell_sizes import Sizes
 from slam.data.cloud import Array, PointCloud
-from slam.data.distortion import correct_vertical, deskew
-from slam.registration.icp import IcpTarget
-from slam.registration.ndt import NdtTarget
-from slam.registration.result import RegistrationResult
-from slam.registration.voxels import VoxelFilter
 from slam.settings import OdometrySettings
+from slam.track import OdometryStep, Target, Track
 
-MIN_POINTS = 50  # a thinned scan with fewer is not registered: an empty or all but empty file
-SHORTEST, GAP = (
-    0.2,
-    5.0,
-)  # sweeps between two stamps: less makes no sense; after more, the prediction is searched around
-EVICT_EVERY = 5.0  # m of way between two clean-ups of the map
-LOST_AFTER = 5  # so many failures in a row, and the map starts anew where the sensor is thought to be
-SEARCH_STEP = 0.5  # m, below the reach of a coarse cell
-SEARCH_TURNS = np.deg2rad([4, -4, 8, -8, 12, -12, 16, -16])  # about the vertical: a sharp corner in one frame
-TRIED_MOVES, TRIED_TURNS = 8, 3  # of a search's starts, that are registered
-USUAL_OVERLAP, OVERLAP_MEMORY = 0.8, 10  # share of the mean overlap of so many scans that none falls below in passing
-ENDS = 2  # of a motion: the scan before was registered with an error as well
-FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m: what a pose kept from the prediction is worth
-STEADY = 10  # scans whose median velocity is kept: two steps of who carries the sensor, a second of a car
-ACCELERATION = 1.0  # m/s^2, 1 sigma: what a velocity that is not observed may change by
+WEIGHED = 8  # scans after the first by which the hypotheses are judged
+HOPELESS = 0.5  # of the best one's evidence: a hypothesis with less is given up
 
-
-class Target(Protocol):
-    """What scans are registered against: NdtTarget or IcpTarget."""
-
-    def __len__(self) -> int: ...
-    def clear(self) -> None: ...
-    def insert(self, xyz: Array, weight: Array, pose: Array) -> None: ...
-    def evict(self, centre: Array, radius: float) -> None: ...
-    def scorer(self, xyz: Array, weight: Array, centre: Array) -> Callable[[Array], float]: ...
-    def align(self, xyz: Array, weight: Array, guess: Array, locked: Array = ...) -> RegistrationResult: ...
-    def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array: ...
-
-
-@dataclass(frozen=True, eq=False)
-class OdometryStep:
-    """What the odometry says of one scan.
-
-    pose          (4, 4) T_world_lidar; the world is the first scan's frame
-    covariance    (6, 6) of pose @ exp(xi), xi = (rotation, translation), given the scan before: of the motion
-    status        'registered'; 'retried': only after a search around the prediction; 'degenerate': the scan does not
-                  hold the pose along `unobserved`, there the prediction was kept; 'failed': the prediction was kept
-    registration  of the scan against the map, or None (first scan, too few points)
-    cloud         the scan as registered: deskewed, vertically corrected, in the sensor's frame
-    unobserved    (K, 6) unit vectors (rotation, translation) in the sensor's axes; none but in a degenerate scan
-    """
-
-    pose: Array
-    covariance: Array
-    status: Literal["registered", "retried", "degenerate", "failed"]
-    registration: RegistrationResult | None
-    cloud: PointCloud
-    unobserved: Array = field(default_factory=lambda: np.zeros((0, 6)))
+__all__ = ["Odometry", "OdometryStep"]
 
 
 class Odometry:
-    """Registers scans one after the other against a local map (or the scan before), from constant velocity."""
+    """Registers scans one after the other, as `Track` does.
+
+    How a drive begins is not known, and two scans often fit each other in more than one way: as if the sensor stood
+    still among its own rings, moved with the lorries around it, or had gone one post of a railing further. So the first
+    scans are registered by every motion that the second allows, and the one that finds most evidence in them is kept.
+    Their poses are `provisional` until then; the step that ends it has them `revised`.
+    """
 
     def __init__(
         self, settings: OdometrySettings, *, sweep_duration: float = 0.1, vertical_correction: float = 0.0
     ) -> None:
-        self.settings = settings
-        self.sweep_duration, self.vertical_correction = sweep_duration, vertical_correction  # s, rad
-        self.sizes: Sizes | None = None  # with the first scan, as the target
-        self.target: Target | None = None
-        self._pose, self._stamp = np.eye(4), float("nan")  # of the last scan that was registered
-        self._velocity = np.zeros(6)  # rad/s, m/s in the sensor's axes
-        self._velocities: deque[Array] = deque(maxlen=STEADY)
-        self._registered = self._failures = 0
-        self._jumps = self._squared_jumps = self._overlap = 0.0
-        self._unobserved, self._unobserved_for = np.zeros((0, 3)), 0.0  # in the map's axes; since so many seconds
-        self._evicted_at = np.zeros(3)
+        track = Track(settings, sweep_duration=sweep_duration, vertical_correction=vertical_correction)
+        self._tracks = [track]  # the best first
+        self._steps: dict[Track, list[OdometryStep]] = {track: []}  # provisional ones
+        # evidence tells hypotheses apart where a map holds by surfaces; from scan to scan there is nothing to weigh
+        self._beginning = settings.target == "map" and settings.information == "surface"
 
-    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
-        """Pose of the next scan: points as recorded, taken at `stamp` [s]."""
-        prediction = self.predict(stamp)
-        scan = deskew(cloud, se3.exp(self._velocity * self.sweep_duration))
-        scan = correct_vertical(scan, self.vertical_correction)
-        if self.target is None and len(scan) >= MIN_POINTS:
-            self._begin(scan)
-        if self.target is None:
-            return self._kept(prediction, scan)
-        map_points = self._thin(scan.xyz, self._weights(scan))[:2]
-        points = self._thin_more(*map_points)[:2]
+    @property
+    def settings(self) -> OdometrySettings:
+        return self._tracks[0].settings
 
-        if len(points[0]) < MIN_POINTS:
-            step = self._kept(prediction, scan)
-        elif len(self.target) == 0:
-            step = OdometryStep(prediction, 1e-12 * np.eye(6), "registered", None, scan)
-        else:
-            step = self._registered_step(self.target, points, prediction, scan, stamp)
+    @property
+    def sizes(self) -> Sizes | None:
+        """Of cells and thinning, once the first scan has told them."""
+        return self._tracks[0].sizes
 
-        if step.status != "failed":
-            self._follow(step, stamp)
-        self._remember(self.target, step, map_points)
-        return step
+    @property
+    def target(self) -> Target | None:
+        """The map that scans are registered against, once there is one."""
+        return self._tracks[0].target
 
     def predict(self, stamp: float) -> Array:
         """Pose (4, 4) at `stamp` if the velocity has stayed as it was at the last registered scan."""
-        return self._pose @ se3.exp(self._velocity * self._elapsed(stamp))
+        return self._tracks[0].predict(stamp)
 
-    def _begin(self, scan: PointCloud) -> None:
-        """Cells and thinning, from the first scan."""
-        self.sizes = sizes = sized(self.settings, scan.xyz)
-        self._thin = VoxelFilter(sizes.map_voxel_size, sizes.min_range, self.settings.max_range)
-        self._thin_more = VoxelFilter(sizes.voxel_size)
-        self.target = _target(self.settings, sizes.cell_sizes)
-
-    def _weights(self, scan: PointCloud) -> Array:
-        """(N,) float32: 1 for a point that is sure enough, less for one whose range is less certain."""
-        full = np.float32(self.settings.full_weight_sigma)
-        return np.asarray((full / np.maximum(scan.sigma, full)) ** 2)
-
-    def _elapsed(self, stamp: float) -> float:
-        """Seconds since the last registered scan; one sweep where the stamps make no sense."""
-        elapsed = stamp - self._stamp
-        return elapsed if elapsed >= SHORTEST * self.sweep_duration else self.sweep_duration
-
-    def _registered_step(
-        self, target: Target, points: Points, prediction: Array, scan: PointCloud, stamp: float
-    ) -> OdometryStep:
-        status: Literal["registered", "retried", "degenerate"] = "registered"
-        gap = self._failures > 0 or self._elapsed(stamp) > GAP * self.sweep_duration
-        if self._registered < 2 or gap:
-            found = self._search(target, points, self._centres(prediction))
+    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
+        """Pose of the next scan: points as recorded, taken at `stamp` [s]."""
+        if not self._beginning or self._tracks[0].scans == 0:
+            return self._tracks[0].register(cloud, stamp)
+        if len(self._tracks) == 1:
+            branches = self._tracks[0].branches(cloud, stamp)
+            if not branches:
+                return self._tracks[0].register(cloud, stamp)
         else:
-            found = target.align(*points, prediction, self._unobserved)
-            if not self._expected(prediction, found):
-                status, found = "retried", self._search(target, points, [prediction], found)
-        lost = target.unobserved(*points, found.pose, self._unobserved)
-        if len(lost):
-            found = target.align(*points, self._steadied(prediction, lost, stamp), lost)
-        if not self._sound(found, lost):
-            return self._kept(prediction, scan, found)
-        self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
-        self._unobserved = lost
-        if not len(lost):
-            return OdometryStep(found.pose, ENDS * found.sandwich, status, found, scan)
-        directions = _all_unobserved(lost @ found.pose[:3, :3])
-        covariance = self._drifting(ENDS * found.sandwich, directions, stamp)
-        return OdometryStep(found.pose, covariance, "degenerate", found, scan, directions)
+            branches = [(track, track.register(cloud, stamp)) for track in self._tracks]
+        return self._weighed(branches)
 
-    def _steadied(self, prediction: Array, lost: Array, stamp: float) -> Array:
-        """The prediction with the median of the last velocities along the directions `lost` (K, 3): the last ones, from
-        scans that hardly held them, are wrong, and what they are wrong by would add up from scan to scan."""
-        steady = np.median([velocity[3:] for velocity in self._velocities], axis=0)
-        change = self._pose[:3, :3] @ (steady - self._velocity[3:]) * self._elapsed(stamp)
-        steadied = prediction.copy()
-        steadied[:3, 3] += lost.T @ (lost @ change)
-        return steadied
+    def settle(self) -> tuple[OdometryStep, ...]:
+        """End the beginning: the steps that were provisional, as the best hypothesis has them."""
+        best = self._tracks[0]
+        best.weighing = False
+        self._tracks, self._beginning = [best], False
+        return tuple(self._steps.pop(best, ()))
 
-    def _centres(self, prediction: Array) -> list[Array]:
-        """What is searched around after a gap: the clock may have been stepped, or scans may be missing."""
-        return [prediction, self.predict(self._stamp + self.sweep_duration), self._pose]
-
-    def _search(
-        self, target: Target, points: Points, centres: list[Array], *found: RegistrationResult
-    ) -> RegistrationResult:
-        """The best of registrations started all around `centres`, and of those `found` already."""
-        xyz, weight = points
-        score = target.scorer(xyz, weight, centres[0])
-        moves, arcs = [], []
-        for centre in centres:
-            for radius in np.arange(0.0, self.settings.search_radius + 1e-9, SEARCH_STEP):
-                arcs += [centre @ se3.exp(np.array([0, 0, turn, radius, 0, 0])) for turn in SEARCH_TURNS]
-                for heading in np.arange(8 if radius else 1) * np.pi / 4:
-                    offset = np.eye(4)
-                    offset[:2, 3] = radius * np.cos(heading), radius * np.sin(heading)
-                    moves.append(centre @ offset)
-        best = (
-            sorted(moves, key=score, reverse=True)[:TRIED_MOVES] + sorted(arcs, key=score, reverse=True)[:TRIED_TURNS]
-        )
-        tried = [target.align(xyz, weight, pose) for pose in (*centres, *best)]
-        return max((*found, *tried), key=lambda result: score(result.pose))
-
-    def _expected(self, prediction: Array, found: RegistrationResult) -> bool:
-        """It has settled near the prediction, and meets about as much of the map as scans did before: after an abrupt
-        turn, a wrong pose still finds ground and walls that fit."""
-        usual = found.converged and found.overlap >= USUAL_OVERLAP * self._overlap
-        return usual and self._sound(found, self._unobserved) and self._jump(prediction, found.pose) < self._gate()
-
-    def _sound(self, found: RegistrationResult, lost: Array) -> bool:
-        """Enough of the scan fits, and it fits along every direction that it should hold."""
-        held = np.eye(3) - lost.T @ lost
-        turn = found.pose[:3, :3]
-        worst = float(np.linalg.eigvalsh(held @ turn @ found.covariance[3:, 3:] @ turn.T @ held)[-1])
-        return found.inlier_ratio >= self.settings.min_inlier_ratio and worst < self.settings.max_position_sigma**2
-
-    def _jump(self, prediction: Array, pose: Array) -> float:
-        """How far the registration moved a point at the end of the range away from its prediction, at most [m]."""
-        difference = se3.inverse(prediction) @ pose
-        turn = 2 * self.settings.max_range * np.sin(float(se3.angle(difference)) / 2)
-        return float(np.linalg.norm(difference[:3, 3])) + turn
-
-    def _gate(self) -> float:
-        """Three times the usual jump (the adaptive threshold of KISS-ICP, Vizzo et al. 2023, eq. 8)."""
-        usual = np.sqrt(self._squared_jumps / self._jumps) if self._jumps else np.inf
-        return max(3 * float(usual), self.settings.min_gate)
-
-    def _drifting(self, covariance: Array, directions: Array, stamp: float) -> Array:
-        """The covariance, along `directions` of what the prediction may be off by: its velocity changes at random."""
-        held = np.eye(6) - directions.T @ directions
-        elapsed = self._elapsed(stamp)
-        variance = (ACCELERATION * elapsed) ** 2 * self._unobserved_for * elapsed
-        return np.asarray(held @ covariance @ held + variance * directions.T @ directions)
-
-    def _kept(self, prediction: Array, scan: PointCloud, found: RegistrationResult | None = None) -> OdometryStep:
-        return OdometryStep(prediction, np.diag(FAILED_SIGMA**2), "failed", found, scan)
-
-    def _follow(self, step: OdometryStep, stamp: float) -> None:
-        """Velocity and usual jump after a registered scan, over the time since the last one."""
-        if self._registered > 1:
-            self._jumps += 1
-            self._squared_jumps += self._jump(self.predict(stamp), step.pose) ** 2
-        if step.registration:
-            self._overlap += (step.registration.overlap - self._overlap) / min(self._registered, OVERLAP_MEMORY)
-        motion = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose))
-        if self._registered:
-            self._velocity = motion / self._likely_elapsed(motion, stamp)
-            self._velocities.append(self._velocity)
-        self._pose, self._stamp = step.pose, stamp
-        self._registered += 1
-
-    def _likely_elapsed(self, motion: Array, stamp: float) -> float:
-        """Seconds of a motion: those of the stamps, or one sweep where that is nearer to the velocity before. A clock
-        that was stepped must not slow the car down."""
-        choices = [self._elapsed(stamp)]
-        if choices[0] > GAP * self.sweep_duration and self._registered > 1:
-            choices.append(self.sweep_duration)
-        return min(choices, key=lambda elapsed: float(np.linalg.norm((motion / elapsed - self._velocity)[3:])))
-
-    def _remember(self, target: Target, step: OdometryStep, points: Points) -> None:
-        """Put the scan into the map, or start a new one after too many failures; forget what lies behind."""
-        self._failures = self._failures + 1 if step.status == "failed" else 0
-        lost = self._failures >= LOST_AFTER and len(points[0]) >= MIN_POINTS
-        if step.status == "failed" and not lost:
-            return
-        if lost or self.settings.target == "scan":
-            target.clear()
-            self._failures = 0
-        target.insert(*points, step.pose)
-        if np.linalg.norm(step.pose[:3, 3] - self._evicted_at) > EVICT_EVERY:
-            self._evicted_at = step.pose[:3, 3].copy()
-            target.evict(self._evicted_at, self.settings.map_radius)
-
-
-Points = tuple[Array, Array]  # xyz (N, 3) and weights (N,), float32
-
-
-def _all_unobserved(positions: Array) -> Array:
-    """(K, 6) unit vectors in the sensor's axes: directions (1 or 2, 3) of position that are not observed, and the turn
-    that is not observed with them: all surfaces that face one way do not tell a turn about their normal."""
-    directions = np.pad(positions, ((0, 0), (3, 0)))
-    if len(positions) < 2:
-        return directions
-    return np.concatenate([directions, np.pad(np.cross(*positions)[None], ((0, 0), (0, 3)))])
-
-
-def _target(settings: OdometrySettings, cell_sizes: tuple[float, ...]) -> Target:
-    if settings.registration != "ndt":
-        return IcpTarget(settings.max_iterations)
-    return NdtTarget(
-        cell_sizes,
-        min_points=settings.min_points,
-        max_points=settings.max_points,
-        floor=settings.floor,
-        surfaces=settings.information == "surface",
-        neighbours=settings.neighbours,
-        kernel=settings.kernel,
-        max_iterations=settings.max_iterations,
-    )
+    def _weighed(self, branches: list[tuple[Track, OdometryStep]]) -> OdometryStep:
+        """The step of the best hypothesis, after the hopeless ones are given up."""
+        before = self._steps
+        self._steps = {track: [*before.get(track, []), step] for track, step in branches}
+        most = max(track.evidence for track in self._steps)
+        kept = [track for track in self._steps if track.evidence >= HOPELESS * most]
+        self._tracks = sorted(kept, key=lambda track: -track.evidence)
+        best = self._tracks[0]
+        if len(kept) > 1 and len(self._steps[best]) < WEIGHED:
+            return replace(self._steps[best][-1], provisional=True)
+        *earlier, step = self.settle()
+        return replace(step, revised=tuple(earlier))

@@ -6,12 +6,13 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
 
-from slam.data.cloud import Array, Frame
+from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import Dataset, chosen_positions
 from slam.data.errors import InputError
 from slam.data.problem import Problem
@@ -19,7 +20,7 @@ from slam.data.sensor import Sensor
 from slam.data.stamps import stamp_problems
 from slam.front_end import FrontEnd, RingFrontEnd
 from slam.mapper import Mapper
-from slam.odometry import Odometry
+from slam.odometry import Odometry, OdometryStep
 from slam.recorded_odometry import RecordedOdometry
 from slam.run import FrameRecord, Run, Source
 from slam.settings import Config, FrontEndSettings
@@ -73,6 +74,7 @@ class Slam:
             config.front_end.deskew,
         )
         self._mapper = Mapper(config)
+        self._waiting: list[tuple[int, Frame, PointCloud]] = []  # whose poses are provisional, with their positions
         self._sweep_duration, self._strict = sweep_duration, strict
 
     def __enter__(self) -> Self:
@@ -91,7 +93,8 @@ class Slam:
             load_milliseconds: How long reading it took, for the timings.
 
         Returns:
-            Pose, covariance and status at once, before any loop that this frame may close.
+            Pose, covariance and status at once, before any loop that this frame may close. At the beginning of a drive
+            they may be put right a few frames later, in `result.records`.
 
         Raises:
             InputError: The stamp is no number; deskewing was asked for and the points have no times; or `strict` met a
@@ -109,17 +112,25 @@ class Slam:
         tracked = self._tracker(frame)
         self.result.deskewed |= tracked.timed
 
-        begin, step = time.perf_counter(), tracked.step
-        self._mapper.add(len(self.result.records), frame, tracked.cloud, step)
-        laps = {"load": load_milliseconds, **tracked.milliseconds, "waiting": 1e3 * (time.perf_counter() - begin)}
-
-        inliers = step.registration.inlier_ratio if step.registration else float("nan")
+        step, position = tracked.step, len(self.result.records)
+        laps = {"load": load_milliseconds, **tracked.milliseconds}
         points = len(tracked.cloud)
-        record = FrameRecord(
-            frame.index, frame.stamp, step.pose, step.covariance, step.status, inliers, points, laps, step.unobserved
+        self.result.records.append(
+            FrameRecord(frame.index, frame.stamp, **_answer(step), points=points, milliseconds=laps)
         )
-        self.result.records.append(record)
-        return record
+        self._waiting.append((position, frame, tracked.cloud))
+        begin = time.perf_counter()
+        if not step.provisional:
+            self._hand_on((*step.revised, step))
+        laps["waiting"] = 1e3 * (time.perf_counter() - begin)
+        return self.result.records[-1]
+
+    def _hand_on(self, steps: tuple[OdometryStep, ...]) -> None:
+        """The frames that waited go to the mapper, and into the records, as their poses are now known to be."""
+        for (position, frame, cloud), step in zip(self._waiting, steps, strict=True):
+            self.result.records[position] = replace(self.result.records[position], **_answer(step))
+            self._mapper.add(position, frame, cloud, step)
+        self._waiting.clear()
 
     def trajectory(self) -> Array:
         """(N, 4, 4) T_world_lidar of all frames so far, by the loops that are closed so far; the first is the identity.
@@ -131,6 +142,7 @@ class Slam:
     def finish(self) -> Run:
         """Search the last keyframes for loops, judge all loops together, and build the map."""
         if self.result.mapping is None:
+            self._hand_on(self._tracker.settle())
             self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
             self._mapper.close()
         return self.result
@@ -188,6 +200,17 @@ class Pipeline:
             if on_odometry:
                 on_odometry(slam.result)
             return slam.finish()
+
+
+def _answer(step: OdometryStep) -> dict[str, Any]:
+    """What a record has of the odometry's step."""
+    return {
+        "pose": step.pose,
+        "covariance": step.covariance,
+        "status": step.status,
+        "inlier_ratio": step.registration.inlier_ratio if step.registration else float("nan"),
+        "unobserved": step.unobserved,
+    }
 
 
 def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:

@@ -63,3 +63,7 @@ class RecordedSteps:
         self._next, self._stamp = self._next + 1, stamp
         scan = correct_vertical(deskew(cloud, motion), self._vertical_correction)
         return OdometryStep(pose, np.diag(SIGMA**2), "registered", None, scan)
+
+    def settle(self) -> tuple[OdometryStep, ...]:
+        """Recorded poses are never provisional: none."""
+        return ()

@@ -19,6 +19,7 @@ class PoseSource(Protocol):
 
     def predict(self, stamp: float) -> Array: ...
     def register(self, cloud: PointCloud, stamp: float) -> OdometryStep: ...
+    def settle(self) -> tuple[OdometryStep, ...]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +61,19 @@ class Tracker:
         step = self._odometry.register(scan, frame.stamp)
         end = time.perf_counter()
         self._past.append((cloud, step.pose))
+        self._revise(step.revised)
         laps = {"front_end": 1e3 * (between - begin), "odometry": 1e3 * (end - between)}
         return Tracked(cloud, step, scan.time is not None, laps)
+
+    def settle(self) -> tuple[OdometryStep, ...]:
+        """See `Odometry.settle`: no scan follows that could put the first poses right."""
+        return self._odometry.settle()
+
+    def _revise(self, steps: tuple[OdometryStep, ...]) -> None:
+        """The poses of the past clouds before the last one, as they are now known to be."""
+        for back, step in enumerate(reversed(steps), start=2):
+            if back <= len(self._past):
+                self._past[-back] = self._past[-back][0], step.pose
 
     def _history(self, stamp: float) -> History:
         """The past clouds, each with T_now_then, as the odometry predicts the pose at `stamp`."""

@@ -23,6 +23,7 @@ class IcpTarget:
 
     def __init__(self, max_iterations: int) -> None:
         self.max_iterations = max_iterations
+        self.reach = GATE
         self.clear()
 
     def __len__(self) -> int:

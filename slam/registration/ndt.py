@@ -45,6 +45,7 @@ class NdtTarget:
         self.levels = [VoxelGaussians(size, min_points, max_points, floor, surfaces) for size in cell_sizes]
         self.surfaces, self.neighbours, self.kernel = surfaces, neighbours, kernel
         self.max_iterations = max_iterations
+        self.reach = float(cell_sizes[-1])  # m: poses so near to each other are led to the same one
 
     def __len__(self) -> int:
         return len(self.levels[-1])
