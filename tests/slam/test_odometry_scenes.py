@@ -102,10 +102,15 @@ def scan(scene: Scene, rings: int, x: float, seed: int) -> PointCloud:
 def drive(
     scene: Scene, rings: int, metres: Array, stamps: Array | None = None, settings: OdometrySettings | None = None
 ) -> list[OdometryStep]:
-    odometry = Odometry(settings or OdometrySettings())
+    """The steps, those revised that were provisional."""
+    odometry, steps = Odometry(settings or OdometrySettings()), list[OdometryStep]()
     times = 0.1 * np.arange(len(metres)) if stamps is None else stamps
-    clouds = [scan(scene, rings, float(x), seed) for seed, x in enumerate(metres)]
-    return [odometry.register(cloud, float(time)) for cloud, time in zip(clouds, times, strict=True)]
+    for seed, (x, time) in enumerate(zip(metres, times, strict=True)):
+        step = odometry.register(scan(scene, rings, float(x), seed), float(time))
+        steps[len(steps) - len(step.revised) :] = [*step.revised, step]
+    settled = odometry.settle()
+    steps[len(steps) - len(settled) :] = settled
+    return steps
 
 
 def evenly(frames: int, speed: float = SPEED) -> Array:
