@@ -14,6 +14,7 @@ from slam.cell_sizes import sized
 from slam.config import load_config
 from slam.data.cloud import Array, Frame
 from slam.data.dataset import Dataset
+from slam.odometry import OdometryStep
 from slam.settings import OdometrySettings
 from slam.tracking import Tracker
 
@@ -52,9 +53,20 @@ def base_sizes(name: str, data: Dataset, first: Frame) -> dict[str, Any]:
 def own_run(data: Dataset, frames: Iterable[Frame], name: str, overrides: Sequence[str] = ()) -> OwnRun:
     """Our odometry on an input, one of `inputs.names()`, of these frames of a drive."""
     tracker = Tracker(inputs.front_end(name, data), our_odometry(settings_of(name, data, overrides), data))
-    steps = []
+    steps: list[tuple[Array, Array, str, Array]] = []
     for frame in frames:
         step = tracker(frame).step
-        steps.append((step.pose, step.covariance, step.status, step.unobserved))  # not the cloud: memory
+        _put_right(steps, step.revised)
+        steps.append(_said(step))
+    _put_right(steps, tracker.settle())
     poses, covariances, statuses, unobserved = zip(*steps, strict=True)
     return OwnRun(np.array(poses), np.array(covariances), np.array(statuses), list(unobserved))
+
+
+def _put_right(steps: list[tuple[Array, Array, str, Array]], revised: Sequence[OdometryStep]) -> None:
+    """What was said of the last scans, as it is now known to be."""
+    steps[len(steps) - len(revised) :] = map(_said, revised)
+
+
+def _said(step: OdometryStep) -> tuple[Array, Array, str, Array]:
+    return step.pose, step.covariance, step.status, step.unobserved  # not the cloud: memory
