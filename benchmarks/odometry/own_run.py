@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from slam.data.dataset import Dataset
 from slam.odometry import OdometryStep
 from slam.settings import OdometrySettings
 from slam.tracking import Tracker
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,16 +58,16 @@ def own_run(data: Dataset, frames: Iterable[Frame], name: str, overrides: Sequen
     steps: list[tuple[Array, Array, str, Array]] = []
     for frame in frames:
         step = tracker(frame).step
-        _put_right(steps, step.revised)
+        put_right(steps, [_said(each) for each in step.revised])
         steps.append(_said(step))
-    _put_right(steps, tracker.settle())
+    put_right(steps, [_said(each) for each in tracker.settle()])
     poses, covariances, statuses, unobserved = zip(*steps, strict=True)
     return OwnRun(np.array(poses), np.array(covariances), np.array(statuses), list(unobserved))
 
 
-def _put_right(steps: list[tuple[Array, Array, str, Array]], revised: Sequence[OdometryStep]) -> None:
-    """What was said of the last scans, as it is now known to be."""
-    steps[len(steps) - len(revised) :] = map(_said, revised)
+def put_right(said: list[T], revised: Sequence[T]) -> None:
+    """Replace what was said of the last scans by what is now known of them."""
+    said[len(said) - len(revised) :] = revised
 
 
 def _said(step: OdometryStep) -> tuple[Array, Array, str, Array]:
