@@ -100,7 +100,16 @@ def settings(**values: object) -> OdometrySettings:
 
 def drive_with(odometry: Odometry, truth: Array, instead: dict[int, PointCloud] | None = None) -> list[OdometryStep]:
     clouds = instead or {}
-    return [odometry.register(clouds.get(i, scan(T, i)), 0.1 * i) for i, T in enumerate(truth)]
+    return registered(odometry, (clouds.get(i, scan(T, i)) for i, T in enumerate(truth)))
+
+
+def registered(odometry: Odometry, clouds: Iterable[PointCloud]) -> list[OdometryStep]:
+    """The steps of scans a sweep apart, those revised that were provisional."""
+    steps: list[OdometryStep] = []
+    for i, cloud in enumerate(clouds):
+        step = odometry.register(cloud, 0.1 * i)
+        steps[len(steps) - len(step.revised) :] = [*step.revised, step]
+    return steps
 
 
 @pytest.fixture(scope="module")
@@ -261,7 +270,7 @@ def test_the_cloud_is_deskewed_and_raised() -> None:
 def test_a_scan_bent_by_motion_is_straightened() -> None:
     """Each point as seen while the car went on: the whole drive at 1.4 m a frame is tracked as if it had stood."""
     truth, odometry = drive(12), Odometry(settings(), sweep_duration=0.1)
-    motion, found = np.array([0, 0, HEADING, SPEED, 0, 0]), []
+    motion, clouds = np.array([0, 0, HEADING, SPEED, 0, 0]), []
     for i, T in enumerate(truth):
         still = scan(T, i)
         time = np.random.default_rng(i).random(len(still))
@@ -272,7 +281,8 @@ def test_a_scan_bent_by_motion_is_straightened() -> None:
             middle = (slots[k] + slots[k + 1]) / 2
             back = se3.exp(-(middle - 0.5) * motion)  # the sensor stands at T in the middle of the sweep
             xyz[slot == k] = still.xyz[slot == k] @ back[:3, :3].T + back[:3, 3]
-        found.append(odometry.register(PointCloud(xyz, still.intensity, time=time), 0.1 * i))
+        clouds.append(PointCloud(xyz, still.intensity, time=time))
+    found = registered(odometry, clouds)
     assert all(step.status != "failed" for step in found)
     moved, true = (se3.inverse(a) @ b for a, b in ((found[3].pose, found[-1].pose), (truth[3], truth[-1])))
     assert np.linalg.norm(moved[:3, 3] - true[:3, 3]) < 0.1

@@ -60,6 +60,9 @@ class Drifting:
         self._next += 1
         return OdometryStep(self.poses[self._next - 1], 1e-6 * np.eye(6), "registered", None, cloud)
 
+    def settle(self) -> tuple[OdometryStep, ...]:
+        return ()
+
 
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
