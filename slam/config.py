@@ -15,13 +15,20 @@ from pydantic import ValidationError
 from slam.data.errors import InputError
 from slam.settings import Config, Settings
 
+#: Presets and settings of earlier versions, and what is instead.
+GONE_PRESETS = {f"channels-{name}": f"leave it out, --input {name} does" for name in ("16", "enriched")}
+GONE_SETTINGS = {
+    "odometry.unseen_tilt_deg": "leave it out, the covariance comes from the registration alone",
+    "pose_graph.held_back": "leave it out, the odometry sees the pitch of sparse scans itself",
+}
+
 
 def load_config(source: str | Path | None = None, overrides: Sequence[str] = (), **front_end: Any) -> Config:
-    """Defaults, then the preset of the input, then `source`, then `overrides` ('odometry.voxel_size=1.0').
+    """Defaults, then `source`, then `overrides` ('odometry.voxel_size=1.0').
 
     `source` is a YAML file or a preset's name (see `preset_names`); keywords set front-end values, such as input='16',
-    and beat the file's. The preset of the input ('16' has one) comes before the file, so that a file need not repeat
-    it. Raises InputError on an unknown key, with the nearest right one, or on a value that makes no sense.
+    and beat the file's. Raises InputError on an unknown key, with the nearest right one, or on a value that makes no
+    sense.
     """
     name = str(source) if source else "the command line"
     values = _read(source) if source else {}
@@ -29,10 +36,8 @@ def load_config(source: str | Path | None = None, overrides: Sequence[str] = (),
         _set(values, override)
     _check_keys(values, Config, name, "")
     values.setdefault("front_end", {}).update({key: value for key, value in front_end.items() if value is not None})
-    preset = f"channels-{values['front_end'].get('input', '64')}"
-    base = _read(preset) if preset in preset_names() else {}
     try:
-        return Config.model_validate(_merged(base, values))
+        return Config.model_validate(values)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
@@ -69,6 +74,8 @@ def _presets() -> Iterator[Any]:
 def _read(source: str | Path) -> dict[str, Any]:
     path = Path(source)
     preset = next((file for file in _presets() if file.name == f"{source}.yaml"), None)
+    if not path.is_file() and str(source) in GONE_PRESETS:
+        raise InputError(f"{source}: this preset is gone, one rule serves all inputs; {GONE_PRESETS[str(source)]}")
     if not path.is_file() and preset is None:
         raise InputError(f"{source}: no such file and no preset; presets are {', '.join(preset_names())}")
     try:
@@ -90,7 +97,7 @@ def _set(values: dict[str, Any], override: str) -> None:
         values[leaf] = yaml.safe_load(text)
     except (yaml.YAMLError, AttributeError, TypeError) as error:
         raise InputError(f"--set {override}: write section.key=value, as in odometry.voxel_size=1.0") from error
-    if not equals or not leaf:
+    if not equals or not leaf or not text.strip():
         raise InputError(f"--set {override}: write section.key=value, as in odometry.voxel_size=1.0")
 
 
@@ -98,6 +105,8 @@ def _check_keys(values: dict[str, Any], model: type[Settings], source: str, pref
     """InputError that names the nearest right key, before pydantic sees a wrong one."""
     for key, value in values.items():
         field = model.model_fields.get(key)
+        if f"{prefix}{key}" in GONE_SETTINGS:
+            raise InputError(f"{source}: the setting '{prefix}{key}' is gone; {GONE_SETTINGS[f'{prefix}{key}']}")
         if field is None:
             right = difflib.get_close_matches(str(key), _all_keys(Config, ""), 1, 0.0)
             near = difflib.get_close_matches(str(key), list(model.model_fields), 1, 0.5)
@@ -115,12 +124,3 @@ def _all_keys(model: type[Settings], prefix: str) -> list[str]:
         section = isinstance(field.annotation, type) and issubclass(field.annotation, Settings)
         keys += _all_keys(field.annotation, f"{prefix}{name}.") if section else [prefix + name]  # type: ignore[arg-type]
     return keys
-
-
-def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    result = dict(base)
-    for key, value in over.items():
-        result[key] = (
-            _merged(result[key], value) if isinstance(value, dict) and isinstance(result.get(key), dict) else value
-        )
-    return result

@@ -20,7 +20,6 @@ from slam.graph.pose_graph import PoseGraph
 from slam.loops.closing import LoopSearch
 from slam.mapping.global_map import build_map
 from slam.mapping.keyframes import Keyframes
-from slam.mapping.straightening import Straightener
 from slam.odometry import OdometryStep
 from slam.settings import Config
 
@@ -75,9 +74,6 @@ class Mapper:
         self._way, self._last = 0.0, np.zeros(3)
         self._doubt = np.zeros((6, 6))  # sum of the registrations' covariances since the last keyframe
         self._doubts: list[Array] = []  # and of each keyframe since the one before
-        held_back = self.config.pose_graph.held_back
-        self._straightener = Straightener(held_back) if held_back else None
-        self._straight: list[Array] = []  # the keyframes' poses by the odometry, or straightened
 
     def __enter__(self) -> Self:
         return self
@@ -147,9 +143,6 @@ class Mapper:
         """Put the newest keyframe into the graph, and search the loops of those that lie `reach` [m] back."""
         begin = time.perf_counter()
         count = len(self._keyframes)
-        if count:
-            newest = self._keyframes[-1]
-            self._straight.append(self._straightener.pose(newest) if self._straightener else newest.pose)
         if count > 1:
             self._back_end.add_odometry(*self._motion(count - 1))
         graph, loops, ways = time.perf_counter() - begin, 0.0, self._keyframes.ways
@@ -171,7 +164,7 @@ class Mapper:
 
     def _motion(self, number: int) -> tuple[Array, Array]:
         """Of a keyframe since the one before: (4, 4), and its covariance (6, 6), the registrations' and the drift's."""
-        before, here = self._straight[number - 1 : number + 1]
+        before, here = self._keyframes.poses[number - 1 : number + 1]
         way = max(float(np.diff(self._keyframes.ways[number - 1 : number + 1])[0]), LEAST_WAY)
         settings = self.config.pose_graph
         drift = np.array([np.deg2rad(settings.rotation_deg)] * 3 + [settings.translation] * 3) ** 2 * way

@@ -208,11 +208,10 @@ def page(found: Mapping[str, Any]) -> str:
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores, load average {about["load_average"]}.
 `{about["command"]}`
 
-* Enriched: 16 of 64 rings, filled by ray-segment interpolation without training (preset channels-enriched). Distances
-  are rmse of positions to the trajectory that our odometry gives on all 64 channels (default settings), after SE(3)
-  alignment. Plain 16 channels are registered by three fixed recipes (benchmarks/enriched/recipes.py), written down
-  before the enrichment was tuned: {", ".join(SIXTEEN)}; "times nearer" is against the best of them, drive by
-  drive.
+* Enriched: 16 of 64 rings, filled by ray-segment interpolation without training. Distances are rmse of
+  positions to the trajectory that our odometry gives on all 64 channels (default settings), after SE(3) alignment.
+  Plain 16 channels are registered by three fixed recipes (benchmarks/enriched/recipes.py), written down before the
+  enrichment was tuned: {", ".join(SIXTEEN)}; "times nearer" is against the best of them, drive by drive.
 * Path: length of the enriched trajectory beside that on 64 channels. Scan to scan: the preset of that name for all
   three inputs, enriched with {THINNER[0]}; distance to 64 channels scan to scan.
 * The settings were chosen on these drives, every frame, at both phases. Geometric mean of "times nearer" with every 2nd
@@ -223,8 +222,8 @@ def page(found: Mapping[str, Any]) -> str:
 {table(("target", "figure", "limit", "verdict"), targets(rows))}
 {table(HEADER, lines, words=4)}
 ATE against the ground truth (KITTI's own is off by more than the odometry but on 04; the town's is exact), and NEES of
-the motion from frame to frame per degree of freedom: 1 where the covariance is true, 0.5 to 2 is the aim. 16 channels
-with the preset channels-16. Median milliseconds a frame, one core; the front end's are those of the enrichment.
+the motion from frame to frame per degree of freedom: 1 where the covariance is true, 0.5 to 2 is the aim.
+Median milliseconds a frame, one core; the front end's are those of the enrichment.
 
 {table(TRUTH_HEADER, truths, words=3)}"""
 

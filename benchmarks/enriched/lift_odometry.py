@@ -125,8 +125,8 @@ def page(found: Mapping[str, Any]) -> str:
 `{about["command"]}`
 
 * Every 4th ring from ring 0, filled in by ray-segment and by lift, which sees the camera's image too; both registered
-  with the preset for enriched input. cm: rmse of positions to the trajectory that our odometry gives on all 64
-  channels, after SE(3) alignment. 16: the best of the fixed recipes in benchmarks/enriched/recipes.py, drive by drive.
+  alike. cm: rmse of positions to the trajectory that our odometry gives on all 64 channels, after SE(3)
+  alignment. 16: the best of the fixed recipes in benchmarks/enriched/recipes.py, drive by drive.
 * Weights: of a training without this drive; shipped, from trainings that this drive has no part in; or shipped, and
   they have seen it, which is no test. The towns are others than those trained in.
 * Times nearer than 16, geometric mean: ray-segment {means[SEGMENT]}, lift {means[LIFT]}.
@@ -134,9 +134,8 @@ def page(found: Mapping[str, Any]) -> str:
 {table(("target", "figure", "limit", "verdict"), targets(rows))}
 {table(HEADER, lines, words=2)}
 ATE against the ground truth (KITTI's own is off by more than the odometry but on 04; the town's is exact), and NEES of
-the motion from frame to frame per degree of freedom: 1 where the covariance is true. 16 channels with the preset
-channels-16. ms: median of enriching a frame, one core, whatever else the machine was doing; for Lift's time see
-[Depth with Lift](lift_depth.md).
+the motion from frame to frame per degree of freedom: 1 where the covariance is true. ms: median of enriching a frame,
+one core, whatever else the machine was doing; for Lift's time see [Depth with Lift](lift_depth.md).
 
 {table(TRUTH_HEADER, truths)}"""
 

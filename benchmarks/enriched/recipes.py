@@ -7,9 +7,13 @@ from __future__ import annotations
 
 from typing import Any
 
-#: What differs from the defaults for 64 channels.
+#: The defaults for 64 channels, as they were then.
+DENSE: dict[str, Any] = {
+    "information": "covariance", "cell_sizes": (2.0, 1.0), "voxel_size": 1.5, "map_voxel_size": 0.4, "min_range": 2.5,
+    "full_weight_sigma": 0.3,
+}  # fmt: skip
 SIXTEEN: dict[str, dict[str, Any]] = {
-    "channels-16": {"voxel_size": 0.5, "min_points": 3, "floor": 0.01},  # the preset, as it was then
-    "as for 64": {},
-    "larger cells": {"voxel_size": 1.0, "min_points": 3, "floor": 0.003, "cell_sizes": (3.0, 1.5)},
+    "channels-16": {**DENSE, "voxel_size": 0.5, "min_points": 3, "floor": 0.01},  # the preset for 16, as it was then
+    "as for 64": DENSE,
+    "larger cells": {**DENSE, "voxel_size": 1.0, "min_points": 3, "floor": 0.003, "cell_sizes": (3.0, 1.5)},
 }

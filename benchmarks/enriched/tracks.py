@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.odometry.nees import nees
+from benchmarks.odometry.own_run import put_right
 from benchmarks.odometry.systems import our_odometry
 from enrichment.enricher import Enricher
 from enrichment.geometry.sparse_scan import Method
@@ -16,12 +17,13 @@ from slam.config import load_config
 from slam.data.cloud import Array, Frame
 from slam.data.dataset import Dataset
 from slam.front_end import FrontEnd, RingFrontEnd
+from slam.odometry import OdometryStep
 from slam.settings import OdometrySettings
 from slam.tracking import Tracker
 
 
 def front_ends(data: Dataset, methods: Mapping[str, Method]) -> dict[str, tuple[FrontEnd, OdometrySettings]]:
-    """For 64 channels, for 16, and for these filled in by each method, each with the settings of its preset."""
+    """For 64 channels, for 16, and for these filled in by each method, each with its settings."""
     assert data.sensor is not None
     sparse = RingFrontEnd(load_config(input="16").front_end, data.sensor)
     made: dict[str, tuple[FrontEnd, str]] = {
@@ -60,7 +62,11 @@ class Runner:
         """The front end is shown the past, as while driving."""
         tracker = Tracker(front_end, our_odometry(settings, self.data))
         tracked = [tracker(frame) for frame in self.frames]
-        steps = [each.step for each in tracked]
+        steps: list[OdometryStep] = []
+        for each in tracked:
+            put_right(steps, each.step.revised)
+            steps.append(each.step)
+        put_right(steps, tracker.settle())
         front_end_ms, milliseconds = (
             float(np.median([each.milliseconds[stage] for each in tracked])) for stage in ("front_end", "odometry")
         )

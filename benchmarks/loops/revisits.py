@@ -21,7 +21,6 @@ from slam.data.plot_style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, save_pn
 from slam.data.pose_files import tum_text
 from slam.graph.back_end import BackEnd
 from slam.graph.ledger import LoopCandidate, LoopRecord
-from slam.graph.pose_graph import odometry_poses
 from slam.recorded_odometry import RecordedOdometry
 from slam.run import Run
 
@@ -72,24 +71,15 @@ def loop_figures(run: Run, truth: Array, asked: Sequence[int], near: float) -> d
         float(np.linalg.norm((se3.inverse(loop.pose) @ se3.inverse(places[loop.i]) @ places[loop.j])[:3, 3]))
         for loop in loops
     ]
-    trajectories = (run.odometry_poses, without_loops(run), run.poses, with_true_loops(run, truth))
-    before, anew, after, ideal = (evaluate_poses(poses, truth).ate.aligned.rmse for poses in trajectories)
+    trajectories = (run.odometry_poses, run.poses, with_true_loops(run, truth))
+    before, after, ideal = (evaluate_poses(poses, truth).ate.aligned.rmse for poses in trajectories)
     return {
-        "ate_before": before, "ate_keyframes": anew, "ate_after": after, "ate_true_loops": ideal,
+        "ate_before": before, "ate_after": after, "ate_true_loops": ideal,
         "height_after": height_error(run.poses, truth), "revisits": len(asked),
         "found": len(set(asked) & {loop.j for loop in loops}), "loops": len(loops),
         "wrong": sum(error > WRONG for error in errors), "worst": max(errors, default=0.0),
         "candidates": len(mapping.ledger), "detection": detection(mapping.ledger, places, asked, near),
     }  # fmt: skip
-
-
-def without_loops(run: Run) -> Array:
-    """Poses (N, 4, 4) by the graph's odometry alone; where keyframes are registered again, with what that gains."""
-    mapping = run.mapping
-    assert mapping is not None
-    odometry = [edge for edge in mapping.graph.edges if edge.j == edge.i + 1]
-    poses = odometry_poses(odometry, mapping.keyframes.poses[0])
-    return replace(mapping, poses=poses).corrected(run.odometry_poses)
 
 
 def with_true_loops(run: Run, truth: Array) -> Array:

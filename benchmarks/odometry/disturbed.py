@@ -126,8 +126,9 @@ def thinned(case: Case) -> list[Row]:
 
 
 def sizes(case: Case) -> list[Row]:
-    """All cells and voxels larger or smaller than the settings have them."""
-    base = base_sizes(case.input, case.drive.data)
+    """All cells and voxels larger or smaller than the first scan has them."""
+    data = case.drive.data
+    base = base_sizes(case.input, data, data[case.drive.positions[0]])
     row: Row = {"sizes_m": base, "base_m": case.error(case.undisturbed.poses), "scaled_m": {}}
     for factor in FACTORS:
         run = case.run(case.schedule, scaled(base, factor))

@@ -1,7 +1,7 @@
 """Which systems are compared, and on how many channels."""
 
 REFERENCE = "kiss-icp"  # what the others are held against
-OURS = {"ndt": None, "ndt-scan-to-scan": "scan-to-scan"}  # with their presets; the input's own comes on top
+OURS = {"ndt": None, "ndt-scan-to-scan": "scan-to-scan"}  # with their presets
 SYSTEMS = (*OURS, REFERENCE, "vgicp", "gicp", "point-to-plane")
 #: On the page of scenes. GenZ-ICP's authors ship settings for outdoors and, as the default, for indoors.
 GENZ = {"genz-icp": "outdoor", "genz-icp-indoor": "indoor"}

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from benchmarks.odometry import inputs
 from benchmarks.odometry.systems import our_odometry
+from slam.cell_sizes import sized
 from slam.config import load_config
 from slam.data.cloud import Array, Frame
 from slam.data.dataset import Dataset
+from slam.odometry import OdometryStep
 from slam.settings import OdometrySettings
 from slam.tracking import Tracker
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,18 +46,29 @@ def settings_of(name: str, data: Dataset, overrides: Sequence[str] = ()) -> Odom
     return load_config(overrides=overrides, input=inputs.channels(name, data)).odometry
 
 
-def base_sizes(name: str, data: Dataset) -> dict[str, Any]:
-    """Cells and voxels [m] of the odometry on an input of a drive, by the names of their settings."""
-    settings = settings_of(name, data)
-    return {size: getattr(settings, size) for size in ("cell_sizes", "voxel_size", "map_voxel_size")}
+def base_sizes(name: str, data: Dataset, first: Frame) -> dict[str, Any]:
+    """Cells and voxels [m] of the odometry on an input of a drive that begins with `first`, by their names."""
+    sizes = sized(settings_of(name, data), inputs.front_end(name, data)(first, ()).xyz)
+    return {size: getattr(sizes, size) for size in ("cell_sizes", "voxel_size", "map_voxel_size")}
 
 
 def own_run(data: Dataset, frames: Iterable[Frame], name: str, overrides: Sequence[str] = ()) -> OwnRun:
     """Our odometry on an input, one of `inputs.names()`, of these frames of a drive."""
     tracker = Tracker(inputs.front_end(name, data), our_odometry(settings_of(name, data, overrides), data))
-    steps = []
+    steps: list[tuple[Array, Array, str, Array]] = []
     for frame in frames:
         step = tracker(frame).step
-        steps.append((step.pose, step.covariance, step.status, step.unobserved))  # not the cloud: memory
+        put_right(steps, [_said(each) for each in step.revised])
+        steps.append(_said(step))
+    put_right(steps, [_said(each) for each in tracker.settle()])
     poses, covariances, statuses, unobserved = zip(*steps, strict=True)
     return OwnRun(np.array(poses), np.array(covariances), np.array(statuses), list(unobserved))
+
+
+def put_right(said: list[T], revised: Sequence[T]) -> None:
+    """Replace what was said of the last scans by what is now known of them."""
+    said[len(said) - len(revised) :] = revised
+
+
+def _said(step: OdometryStep) -> tuple[Array, Array, str, Array]:
+    return step.pose, step.covariance, step.status, step.unobserved  # not the cloud: memory

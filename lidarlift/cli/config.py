@@ -16,7 +16,8 @@ def config(
 
     Example: `lidarlift config --input 16 --set odometry.voxel_size=0.6 > mine.yaml`
 
-    They are the defaults, then the preset of the input, then a file's, then single ones.
+    They are the defaults, then those of a preset or file, then single ones. Cells and voxels that are null follow from
+    the first scan.
     """
     settings = load_config(config, set_ or (), input=input and input.value, enricher=enricher)
     print(yaml_text(settings), end="")

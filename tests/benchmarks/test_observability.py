@@ -10,11 +10,13 @@ import pytest
 
 from benchmarks.common.page import surroundings
 from benchmarks.common.simulated import course
+from benchmarks.odometry import inputs
 from benchmarks.odometry.measure import Run
 from benchmarks.odometry.nees import nees, nees_by_axis
 from benchmarks.odometry.observability import figures, named_angles, what_holds
 from benchmarks.odometry.observability_page import ELSEWHERE, ENDS, NOTHING, REPEATS, page
-from benchmarks.odometry.own_run import OwnRun, base_sizes, own_run
+from benchmarks.odometry.own_run import OwnRun, base_sizes, own_run, settings_of
+from benchmarks.odometry.systems import our_odometry
 from slam.data.cloud import Array
 from slam.data.dataset import open_dataset
 
@@ -110,4 +112,13 @@ def test_our_odometry_alone(street_drive: Callable[..., Path]) -> None:
     assert (run.poses.shape, run.covariances.shape) == ((4, 4, 4), (4, 6, 6))
     assert run.share("registered", np.ones(4, bool)) == 1
     assert run.share("registered", np.zeros(4, bool)) is None
-    assert set(base_sizes("16", data)) == {"cell_sizes", "voxel_size", "map_voxel_size"}
+
+
+def test_sizes_are_those_that_the_odometry_takes(street_drive: Callable[..., Path]) -> None:
+    data = open_dataset(street_drive())
+    tracker = our_odometry(settings_of("16", data), data)
+    tracker.register(inputs.front_end("16", data)(data[0], ()), 0.0)
+    sizes = base_sizes("16", data, data[0])
+    assert set(sizes) == {"cell_sizes", "voxel_size", "map_voxel_size"}
+    for name, size in sizes.items():
+        np.testing.assert_allclose(size, getattr(tracker.sizes, name), rtol=0.02, err_msg=name)  # before deskewing

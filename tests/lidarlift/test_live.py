@@ -37,8 +37,8 @@ def test_each_scan_has_its_pose_at_once(street_scans: list[Array], street_poses:
 
 def test_it_is_what_a_data_set_is_run_by(street_drive: Drive, street_scans: list[Array]) -> None:
     """The same scans from files and by hand, twice the same code: bit for bit."""
-    recorded = lidarlift.run(street_drive(), config="channels-16", overrides=["front_end.vertical_correction_deg=0"])
-    with lidarlift.Slam(config="channels-16", overrides=["front_end.vertical_correction_deg=0"]) as slam:
+    recorded = lidarlift.run(street_drive(), overrides=["front_end.vertical_correction_deg=0"])
+    with lidarlift.Slam(overrides=["front_end.vertical_correction_deg=0"]) as slam:
         for number, scan in enumerate(street_scans):
             slam.add(scan, float(f"{0.1 * number:e}"))
         live = slam.finish()

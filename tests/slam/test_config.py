@@ -29,7 +29,7 @@ def test_nothing_given_means_the_defaults() -> None:
 
 
 def test_all_presets_load() -> None:
-    assert {"channels-16", "channels-enriched", "icp", "paper", "scan-to-scan"} <= set(preset_names())
+    assert {"icp", "paper", "scan-to-scan"} <= set(preset_names())
     for name in preset_names():
         assert isinstance(load_config(name), Config)
 
@@ -41,19 +41,29 @@ def test_presets_say_what_they_are_for() -> None:
     paper = load_config("paper")
     assert paper.front_end.input == "16"
     assert paper.front_end.drop == "average-pool"
-    assert load_config("paper", input="64").odometry == scan  # NDT is the paper's in both
+    sparse = {"min_points": 3, "floor": 0.01}  # sixteen rings fill cells slowly
+    assert paper.odometry == scan.model_copy(update=sparse)  # else NDT is the paper's in both
 
 
-def test_input_16_brings_its_preset() -> None:
-    config = load_config(input="16")
-    assert config.front_end.input == "16"
-    assert config.odometry == load_config("channels-16").odometry
-    assert config.odometry != Config().odometry
+@pytest.mark.parametrize("name", ["64", "16", "enriched"])
+def test_one_rule_serves_all_inputs(tmp_path: Path, name: str) -> None:
+    config = load_config(input=name)
+    assert config.front_end.input == name
+    assert config.odometry == Config().odometry
+    assert config == load_config(written(tmp_path, f"front_end: {{input: '{name}'}}\n"))
 
 
-def test_input_16_of_a_file_brings_its_preset(tmp_path: Path) -> None:
-    config = load_config(written(tmp_path, "front_end: {input: '16'}\n"))
-    assert config == load_config(input="16")
+@pytest.mark.parametrize("name", ["16", "enriched"])
+def test_a_preset_of_an_input_that_is_gone_is_refused(name: str) -> None:
+    assert f"--input {name}" in refusal(f"channels-{name}")
+
+
+@pytest.mark.parametrize("key", ["odometry.unseen_tilt_deg", "pose_graph.held_back"])
+def test_a_setting_that_is_gone_says_so(tmp_path: Path, key: str) -> None:
+    section, name = key.split(".")
+    for message in (refusal(None, f"{key}=1"), refusal(written(tmp_path, f"{section}: {{{name}: 1}}\n"))):
+        assert f"'{key}' is gone; leave it out" in message
+        assert "\n" not in message
 
 
 def test_a_keyword_beats_the_file(tmp_path: Path) -> None:
@@ -61,12 +71,6 @@ def test_a_keyword_beats_the_file(tmp_path: Path) -> None:
     assert load_config(path, input="64").front_end.input == "64"
     assert load_config(path, input=None).front_end.input == "16"
     assert load_config(path, input="64").front_end.phase == 2
-
-
-def test_a_file_beats_the_preset_of_the_input(tmp_path: Path) -> None:
-    config = load_config(written(tmp_path, "odometry: {voxel_size: 0.7}\n"), input="16")
-    assert config.odometry.voxel_size == 0.7
-    assert config.odometry.min_points == load_config(input="16").odometry.min_points == 3
 
 
 def test_an_override_beats_the_file(tmp_path: Path) -> None:
@@ -141,7 +145,7 @@ def test_icp_needs_the_scan_as_its_target() -> None:
     assert load_config(None, [override, "odometry.target=scan"]).odometry.registration == "icp-point-to-plane"
 
 
-@pytest.mark.parametrize("override", ["odometry.voxel_size", "=", ""])
+@pytest.mark.parametrize("override", ["odometry.voxel_size", "odometry.voxel_size=", "=", ""])
 def test_an_override_is_section_key_and_value(override: str) -> None:
     assert "section.key=value" in refusal(None, override)
 
@@ -167,7 +171,7 @@ def test_yaml_without_sections_is_refused(tmp_path: Path) -> None:
 def test_a_missing_file_names_the_presets(tmp_path: Path) -> None:
     message = refusal(tmp_path / "missing.yaml")
     assert "missing.yaml" in message
-    assert "channels-16" in message
+    assert "scan-to-scan" in message
 
 
 @pytest.mark.parametrize("text", ["odometry:\n", "odometry: 1\n"])

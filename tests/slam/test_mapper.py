@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
-from slam.graph.pose_graph import odometry_poses
 from slam.mapper import Mapper, MappingResult, placed
 from slam.odometry import OdometryStep
 
@@ -119,17 +118,6 @@ def test_without_loops_the_odometry_stays_as_it_is(scans: list[PointCloud]) -> N
     assert mapping.ledger == []
     np.testing.assert_array_equal(mapping.corrected(odometry), odometry)
     np.testing.assert_array_equal(mapping.poses, mapping.keyframes.poses)
-
-
-def test_keyframes_registered_anew_do_not_drift_as_the_odometry_does(scans: list[PointCloud]) -> None:
-    truth = way()
-    odometry = drifting(truth)
-    mapping = mapped(scans, odometry, "loops.enabled=false", "pose_graph.held_back=10")
-    anew = odometry_poses(mapping.graph.edges, np.eye(4))
-    places = truth[mapping.keyframes.indices]
-    off = distance(mapping.keyframes.poses, places)[-10:]
-    assert distance(anew, places)[-10:].max() < 0.2 * off.min()
-    np.testing.assert_array_equal(mapping.corrected(odometry), odometry)
 
 
 def test_degenerate_scans_make_keyframes_loops_and_map_as_others_do(

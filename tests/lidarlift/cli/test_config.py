@@ -21,10 +21,12 @@ def test_what_is_printed_is_read_back(lidarlift: Command, tmp_path: Path, preset
     assert load_config(tmp_path / "mine.yaml") == load_config(preset, ["odometry.voxel_size=0.7"])
 
 
-def test_the_preset_of_the_input_is_in_it(lidarlift: Command) -> None:
-    out = lidarlift("config", "--input", "16").out
-    assert "unseen_tilt_deg: 0.04" in out
-    assert "input: '16'" in out
+def test_the_input_is_in_it(lidarlift: Command) -> None:
+    assert "input: '16'" in lidarlift("config", "--input", "16").out
+
+
+def test_a_preset_that_is_gone_says_what_is_instead(lidarlift: Command) -> None:
+    lidarlift("config", "--config", "channels-16").refused("--input 16")
 
 
 def test_sections_say_what_they_are_for(lidarlift: Command) -> None:

@@ -57,8 +57,8 @@ def test_insert_replaces_the_scan_before(hall: Sampler) -> None:
     pose[:3, 3] = 100, 0, 0
     target.insert(other, ones(other), pose)
     assert len(target) == 4
-    assert target.score(other, ones(other), pose) == pytest.approx(1.0)
-    assert target.score(other, ones(other), np.eye(4)) == 0
+    assert target.scorer(other, ones(other), pose)(pose) == pytest.approx(1.0)
+    assert target.scorer(other, ones(other), pose)(np.eye(4)) == 0
     target.evict(np.zeros(3), 1.0)
     assert len(target) == 4
     target.clear()

@@ -13,7 +13,6 @@ from slam.data import se3
 from slam.data.cloud import Array
 from slam.registration.ndt import NdtTarget
 from slam.registration.voxels import VoxelGaussians
-from slam.settings import OdometrySettings
 
 Sampler = Callable[..., Array]
 
@@ -24,8 +23,11 @@ def ones(xyz: Array) -> Array:
     return np.ones(len(xyz), np.float32)
 
 
-def ndt_of(xyz: Array, **options: int) -> NdtTarget:
-    target = NdtTarget(settings=OdometrySettings(**options))
+CELLS = (2.0, 1.0)  # m, coarse first
+
+
+def ndt_of(xyz: Array, *, surfaces: bool = True, neighbours: int = 1) -> NdtTarget:
+    target = NdtTarget(CELLS, surfaces=surfaces, neighbours=neighbours)
     target.insert(xyz, ones(xyz), np.eye(4))
     return target
 
@@ -49,7 +51,7 @@ def test_recovers_a_motion(in_hall: NdtTarget, hall: Sampler, motion: Array) -> 
     found = in_hall.align(xyz, ones(xyz), np.eye(4))
     assert_close(found.pose, truth)
     assert found.converged
-    assert found.overlap > 0.9
+    assert found.overlap > 0.75  # cells along edges, with two surfaces in them, hold nothing
     assert found.inlier_ratio > 0.8
     assert 0 < in_hall.score(xyz, ones(xyz), found.pose) <= 1
 
@@ -180,7 +182,7 @@ def test_a_scan_that_meets_nothing_is_left_where_it_was(in_hall: NdtTarget, hall
 def test_registers_far_from_the_origin(hall: Sampler) -> None:
     far = np.eye(4)
     far[:3, 3] = 10_000, -10_000, 0
-    target = NdtTarget()
+    target = NdtTarget(CELLS, surfaces=True)
     cloud = hall(0, density=30.0)
     target.insert(cloud, ones(cloud), far)
     motion = se3.exp(np.array([0.01, 0.02, 0.04, 0.3, -0.2, 0.1]))
