@@ -200,12 +200,12 @@ class Track:
         if self._registered < 2 or gap:
             found = self._search(target, points, self._centres(prediction))
         else:
-            found = target.align(*points, prediction, self._unobserved)
-            if not self._expected(prediction, found):
-                status, found = "retried", self._search(target, points, [prediction], found)
+            found = target.align(*points, prediction, _all_unobserved(self._unobserved))
         lost = target.unobserved(*points, found.pose, self._unobserved)
         if len(lost):
-            found = target.align(*points, self._steadied(prediction, lost, stamp), lost)
+            found = target.align(*points, self._steadied(prediction, lost, stamp), _all_unobserved(lost))
+        elif self._registered > 1 and not gap and not self._expected(prediction, found):
+            status, found = "retried", self._search(target, points, [prediction], found)
         if not self._sound(found, lost):
             return self._kept(prediction, scan, found)
         self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
@@ -217,9 +217,9 @@ class Track:
         return OdometryStep(found.pose, covariance, "degenerate", found, scan, directions)
 
     def _steadied(self, prediction: Array, lost: Array, stamp: float) -> Array:
-        """The prediction with the median of the last velocities along the directions `lost` (K, 3): the last ones, from
-        scans that hardly held them, are wrong, and what they are wrong by would add up from scan to scan."""
-        steady = np.median([velocity[3:] for velocity in self._velocities], axis=0)
+        """The prediction with the median of the last velocities along the directions `lost` (K, 3), none if there are
+        none: the last ones, from scans that hardly held them, are wrong, and that would add up from scan to scan."""
+        steady = np.median([velocity[3:] for velocity in self._velocities] or [np.zeros(3)], axis=0)
         change = self._pose[:3, :3] @ (steady - self._velocity[3:]) * self._elapsed(stamp)
         steadied = prediction.copy()
         steadied[:3, 3] += lost.T @ (lost @ change)
@@ -256,7 +256,7 @@ class Track:
         """It has settled near the prediction, and meets about as much of the map as scans did before: after an abrupt
         turn, a wrong pose still finds ground and walls that fit."""
         usual = found.converged and found.overlap >= USUAL_OVERLAP * self._overlap
-        return usual and self._sound(found, self._unobserved) and self._jump(prediction, found.pose) < self._gate()
+        return usual and self._sound(found, NOTHING) and self._jump(prediction, found.pose) < self._gate()
 
     def _sound(self, found: RegistrationResult, lost: Array) -> bool:
         """Enough of the scan fits, and it fits along every direction that it should hold."""
@@ -342,8 +342,8 @@ def _apart(poses: list[Array], distance: float) -> list[Array]:
 
 
 def _all_unobserved(positions: Array) -> Array:
-    """(K, 6) unit vectors in the sensor's axes: directions (1 or 2, 3) of position that are not observed, and the turn
-    that is not observed with them: all surfaces that face one way do not tell a turn about their normal."""
+    """(K, 6) unit vectors, in the axes of the directions (0 to 2, 3) of position that are not observed: these, and with
+    two of them the turn about the third, for surfaces that all face one way do not tell it."""
     directions = np.pad(positions, ((0, 0), (3, 0)))
     if len(positions) < 2:
         return directions

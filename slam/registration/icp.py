@@ -8,14 +8,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from slam.data.cloud import Array
-from slam.registration.gauss_newton import Linearisation, minimise, result
+from slam.registration.gauss_newton import NOTHING, Linearisation, minimise, result
 from slam.registration.kernels import INLIER
 from slam.registration.result import RegistrationResult
 
 GATE = 2.0  # m; pairs further apart are left out
 NOISE = 0.3  # m, spread of the distance between true pairs: half of the spacing of the points. Scales score and weights
 NORMAL_NEIGHBOURS = 10
-NOTHING = np.zeros((0, 3))  # locked
 
 
 class IcpTarget:
@@ -51,10 +50,9 @@ class IcpTarget:
     def align(self, xyz: Array, weight: Array, guess: Array, locked: Array = NOTHING) -> RegistrationResult:
         """Pose of the points (N, 3), weights (N,), in the target from `guess` (4, 4), pairs renewed in every step.
 
-        The position is not moved along `locked` (K, 3) in the target's axes.
+        No step is taken along `locked` (K, 6) in the target's axes.
         """
-        fixed = np.pad(locked, ((0, 0), (3, 0)))
-        pose, converged = minimise(lambda T: self._linearise(xyz, weight, T), guess, self.max_iterations, fixed)
+        pose, converged = minimise(lambda T: self._linearise(xyz, weight, T), guess, self.max_iterations, locked)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(xyz, weight, pose, scores)
         return result(model, pose, converged, xyz, scores)
@@ -62,7 +60,7 @@ class IcpTarget:
     def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
         """Not known from scan to scan: none (0, 3)."""
         del xyz, weight, pose, before
-        return NOTHING
+        return np.zeros((0, 3))
 
     def _linearise(self, xyz: Array, weight: Array, pose: Array, scores: Array | None = None) -> Linearisation:
         turned = xyz @ pose[:3, :3].T

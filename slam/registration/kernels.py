@@ -461,7 +461,8 @@ def _mahalanobis(S, x, y, z):
 
 @njit(cache=True, nogil=True)
 def evidence(xyz, weight, pose, relevance, size, block, most, keys, slots, gaussians, block_keys, block_slots):
-    """How much of the scene supports a pose: sum over cubic blocks of the fit in each, by what its points can tell.
+    """How much of the scene supports a pose: sum over cubic blocks of the fit in each, by what its points can tell,
+    times the mean fit, for where a scan meets its own rings there is more that can fit.
 
     A point counts by its surface's normal n, n^T R n with `relevance` R (3, 3), and fits by exp(-m / 2) (the paper's
     eq. 5). A block of side `block` counts at most `most`, so that one lorry that drives along is not worth more than a
@@ -492,11 +493,13 @@ def evidence(xyz, weight, pose, relevance, size, block, most, keys, slots, gauss
             count += 1
         mass[block_slots[slot], 0] += told
         mass[block_slots[slot], 1] += told * math.exp(-0.5 * _mahalanobis(S, x, y, z))
-    total = 0.0
+    total, possible = 0.0, 1e-12
     for k in range(count):
         if mass[k, 0] > 0.0:
-            total += mass[k, 1] * min(1.0, most / mass[k, 0])
-    return total
+            counted = min(1.0, most / mass[k, 0])
+            total += mass[k, 1] * counted
+            possible += mass[k, 0] * counted
+    return total * total / possible
 
 
 @njit(cache=True, nogil=True)

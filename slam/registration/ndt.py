@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from slam.data.cloud import Array
-from slam.registration.gauss_newton import Linearisation, minimise, result
+from slam.registration.gauss_newton import NOTHING, Linearisation, minimise, result
 from slam.registration.observability import unobserved
 from slam.registration.result import RegistrationResult
 from slam.registration.voxels import NO_SCORES, VoxelGaussians, hash_table
@@ -16,7 +16,7 @@ from slam.registration.voxels import NO_SCORES, VoxelGaussians, hash_table
 COARSER = (2, 4)  # times the finest cells: where a search looks as well, for poses are half a cell off
 BLOCK = 4  # times the finest cells: what lies so near together is one piece of evidence
 MOST = 0.5  # points' worth that a block counts at most
-NOTHING = np.zeros((0, 3))  # locked
+MET = 0.2  # share of the points that a level must meet to be of use
 
 
 class NdtTarget:
@@ -92,22 +92,33 @@ class NdtTarget:
         """Pose of the points (N, 3) in the map, from `guess` (4, 4), level by level, by Gauss-Newton on SE(3).
 
         Robust weights are renewed in every step (IRLS). The coarse levels get half of the iterations: they only
-        have to bring the finest one within reach. The position is not moved along `locked` (K, 3), in the map's axes.
+        have to bring the finest one within reach. No step is taken along `locked` (K, 6), in the map's axes.
         """
-        pose, converged = guess, False
-        fixed = np.pad(locked, ((0, 0), (3, 0)))
-        for level in self.levels:
+        pose, converged, deciding = guess, False, self.levels[-1]
+        for level in self._useful(xyz, weight, guess):
+            deciding = level
             limit = self.max_iterations if level is self.levels[-1] else self.max_iterations // 2
-            pose, converged = minimise(partial(self._linearise, level, xyz, weight), pose, limit, fixed)
+            pose, converged = minimise(partial(self._linearise, level, xyz, weight), pose, limit, locked)
         scores = np.zeros((len(xyz), 6))
-        model = self._linearise(self.levels[-1], xyz, weight, pose, scores)
+        model = self._linearise(deciding, xyz, weight, pose, scores)
         return result(model, pose, converged, xyz, scores)
+
+    def _useful(self, xyz: Array, weight: Array, pose: Array) -> list[VoxelGaussians]:
+        """The levels, coarse to fine, that enough of the points meet; where few do, for the map has just begun, with
+        coarser ones before them."""
+        if not self.surfaces:
+            return self.levels
+        met = [self._linearise(level, xyz, weight, pose).overlap for level in self.levels]
+        levels = [level for level, share in zip(self.levels, met, strict=True) if share >= MET]
+        if met[0] < MET:
+            levels = [self.levels[-1].coarser(factor) for factor in reversed(COARSER)] + levels
+        return levels
 
     def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
         """Directions (K, 3) that points at `pose` do not hold, as `observability.unobserved` finds them; none where
         cells hold by their covariance, in which noise cannot be told from what holds."""
         if not self.surfaces:
-            return NOTHING
+            return np.zeros((0, 3))
         return unobserved(self.levels[-1], xyz, weight, pose, self.kernel, before)
 
     def _linearise(
