@@ -78,7 +78,8 @@ class Odometry:
         kept = [track for track in self._steps if track.evidence >= HOPELESS * most]
         self._tracks = sorted(kept, key=lambda track: -track.evidence)
         best = self._tracks[0]
-        if len(kept) > 1 and len(self._steps[best]) < WEIGHED:
+        going_on = self._steps[best][-1].status != "failed"
+        if going_on and len(kept) > 1 and len(self._steps[best]) < WEIGHED:
             return replace(self._steps[best][-1], provisional=True)
         *earlier, step = self.settle()
         return replace(step, revised=tuple(earlier))

@@ -16,7 +16,7 @@ from slam.registration.voxels import NO_SCORES, VoxelGaussians, hash_table
 COARSER = (2, 4)  # times the finest cells: where a search looks as well, for poses are half a cell off
 BLOCK = 4  # times the finest cells: what lies so near together is one piece of evidence
 MOST = 0.5  # points' worth that a block counts at most
-MET = 0.2  # share of the points that a level must meet to be of use
+MET = 0.28  # share of the points that a level must meet to be of use
 
 
 class NdtTarget:
