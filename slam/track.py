@@ -123,8 +123,11 @@ class Track:
             return []
         score = self.target.scorer(*points, self._pose)
         tried = self._tried(self.target, points, [self._pose], score)
+        distinct = self._distinct(tried, score, stamp)
+        if distinct and len(self.target.unobserved(*points, distinct[0].pose, NOTHING)) > 1:
+            return []  # over a bare plane every motion fits
         branches = []
-        for found in self._distinct(tried, score, stamp)[:HYPOTHESES]:
+        for found in distinct[:HYPOTHESES]:
             track = copy.deepcopy(self)
             track.weighing = True
             step = OdometryStep(found.pose, ENDS * found.sandwich, "registered", found, scan)
