@@ -50,7 +50,8 @@ def tube(width: float, height: float) -> list[Face]:
 
 
 def pillars() -> list[Face]:
-    places = zip((-18, -7, 3, 12, 19, ENTRANCE - 1.3), (3.5, -5) * 3, strict=True)
+    along = (-37, -31, -26, -22, -18, -12, -7, -2, 3, 7, 12, 16, 19, ENTRANCE - 1.3)
+    places = zip(along, (3.5, -5) * 7, strict=True)
     return [one for x, y in places for one in box([x, y, -1.7], [x + 1.3, y + 1.5, 4])]
 
 

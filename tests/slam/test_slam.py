@@ -46,6 +46,8 @@ def scan(pose: Array) -> PointCloud:
 class Drifting:
     """An odometry that turns 0.03 deg and moves 1 cm too far each metre."""
 
+    sizes = None
+
     def __init__(self) -> None:
         motion = se3.inverse(way()[:-1]) @ way()[1:]
         poses = [np.eye(4)]
