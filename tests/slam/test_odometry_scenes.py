@@ -151,7 +151,7 @@ def through_tunnel(rings: int) -> list[OdometryStep]:
 
 def test_a_bare_tunnel_is_told(through_tunnel: list[OdometryStep]) -> None:
     statuses = np.array([step.status for step in through_tunnel])
-    assert (statuses[IN_SIGHT] == "registered").all()
+    assert np.isin(statuses[IN_SIGHT], ["registered", "retried"]).all()
     assert (statuses[INSIDE] == "degenerate").all()
     for step in np.array(through_tunnel, object)[INSIDE]:
         (direction,) = step.unobserved
