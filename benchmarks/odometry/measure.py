@@ -44,6 +44,8 @@ class Run:
             self.seconds.append(perf_counter() - start)
             if not np.isfinite(pose).all():
                 raise FloatingPointError("the pose is not finite")
+            for back, step in enumerate(reversed(system.revised), start=1):
+                self.poses[-back], self.statuses[-back] = step.pose, step.status
             self.poses.append(pose)
             self.statuses.append(system.status)
         except Exception as error:  # whatever a peer may raise: the others go on

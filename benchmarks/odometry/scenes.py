@@ -52,10 +52,17 @@ def main() -> None:
     about = surroundings(PACKAGES) | {"datasets": {}, "uncounted": UNCOUNTED}
     about["before"] = before(arguments.before)
     results: dict[str, Any] = {}
+    kept = {} if set(arguments.systems) == set(IN_SCENES) else json.loads((RESULTS / "scenes.json").read_text("utf-8"))
+    if kept:
+        measured_now = ", ".join(f"`{name}`" for name in arguments.systems)
+        about["note"] = f"Measured: {measured_now}; the others' figures are those of {kept['about']['date']}."
     for drive in chosen_drives(arguments, images=not set(arguments.inputs) <= set(inputs.IMAGELESS)):
         dense = None if drive.simulated else dense_trajectory(drive.data.path, arguments.frames or ":")
         about["datasets"][drive.name] = facts(drive) | {"dense_failed": dense is None and not drive.simulated}
-        results[drive.name] = {each: entry(drive, dense, each) for each in arguments.inputs}
+        earlier = kept.get(drive.name, {})
+        results[drive.name] = {
+            each: entry(drive, dense, each, arguments.systems, earlier.get(each, {})) for each in arguments.inputs
+        }
         write_results(arguments.results, "scenes", {"about": about, **results}, page)  # after each, for it takes long
 
 
@@ -98,25 +105,31 @@ def facts(drive: ChosenDrive) -> dict[str, Any]:
     }
 
 
-def entry(drive: ChosenDrive, dense: Array | None, name: str) -> dict[str, Any]:
+def entry(
+    drive: ChosenDrive, dense: Array | None, name: str, measure: Sequence[str], kept: dict[str, Any]
+) -> dict[str, Any]:
     """What the JSON has of a drive and an input; only `reason` where the drive does not have it.
 
-    dense  (N, 4, 4) of the dense yardstick, or None
+    dense    (N, 4, 4) of the dense yardstick, or None
+    measure  the systems; the others' figures are those of `kept`, the same entry of an earlier run
     """
     reason = inputs.why_not(name, drive.data)
     if reason:
         return {"reason": reason}
     start = perf_counter()
-    runs, milliseconds = in_own_process(measured, drive.data.path, drive.positions, name)
+    runs, milliseconds = in_own_process(measured, drive.data.path, drive.positions, name, systems=measure)
     print(f"{drive.name}: {name}, {len(drive.positions)} frames: {perf_counter() - start:.0f} s", file=sys.stderr)
     systems = {
-        system: figures([run], [runs[REFERENCE]], drive.truth, dense) | along(run, drive.truth, drive.numbers)
+        system: figures([run], [runs.get(REFERENCE, Run(error="not measured"))], drive.truth, dense)
+        | along(run, drive.truth, drive.numbers)
         for system, run in runs.items()
     }
     return {
         "reason": None,
         "front_end_ms": float(np.median(milliseconds[WARM_UP:])) if milliseconds[WARM_UP:] else None,
-        "systems": systems,
+        "systems": {name: (kept.get("systems") or {}).get(name) for name in IN_SCENES if name not in systems} | systems
+        if kept
+        else systems,
     }
 
 
@@ -177,6 +190,8 @@ def _arguments() -> argparse.Namespace:
     inputs.add_inputs(arguments, inputs.DEFAULT)
     arguments.add_argument("--before", type=Path, default=RESULTS / "scenes_before.json", metavar="JSON",
                            help="scenes.json of an earlier run, whose ATE stands beside ours")  # fmt: skip
+    arguments.add_argument("--systems", nargs="+", choices=IN_SCENES, default=list(IN_SCENES), metavar="SYSTEM",
+                           help="some of %(choices)s; the others' figures stay as benchmarks/results has them")  # fmt: skip
     add_results(arguments)
     return arguments.parse_args()
 

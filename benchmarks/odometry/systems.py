@@ -10,16 +10,19 @@ from benchmarks.odometry.names import GENZ, OURS
 from slam.config import load_config
 from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset
-from slam.odometry import Odometry
+from slam.odometry import Odometry, OdometryStep
 from slam.pipeline import sweep_duration
 from slam.settings import Config, OdometrySettings
 
 
 class System(Protocol):
-    """An odometry from constant velocity; `status` of the last scan as in `OdometryStep`, None of peers."""
+    """An odometry from constant velocity; `status` of the last scan and the steps before it that it has `revised` as in
+    `OdometryStep`, None and none of peers."""
 
     @property
     def status(self) -> str | None: ...
+    @property
+    def revised(self) -> tuple[OdometryStep, ...]: ...
     def register(self, cloud: PointCloud, stamp: float) -> Array: ...
 
 
@@ -29,10 +32,11 @@ class Ours:
     def __init__(self, config: Config, dataset: Dataset) -> None:
         self._odometry = our_odometry(config.odometry, dataset)
         self.status: str | None = None
+        self.revised: tuple[OdometryStep, ...] = ()
 
     def register(self, cloud: PointCloud, stamp: float) -> Array:
         step = self._odometry.register(cloud, stamp)
-        self.status = step.status
+        self.status, self.revised = step.status, step.revised
         return step.pose
 
 
@@ -40,6 +44,7 @@ class Theirs:
     """One of peers.py, on one thread; `sweeps` from one scan to the next."""
 
     status = None
+    revised = ()
 
     def __init__(self, name: str, dataset: Dataset, sweeps: int = 1) -> None:
         from benchmarks.odometry import peers  # here: the memory of ours is measured without them

@@ -42,7 +42,7 @@ def run(
 ) -> None:
     """Drive through a data set: trajectory, map, and ATE, RPE and drift where there is ground truth.
 
-    Example: `lidarlift run kitti/sequences/04 --frames 0:50 --set odometry.voxel_size=1.25 --out runs/04`
+    Example: `lidarlift run kitti/sequences/04 --frames 0:50 --set odometry.cell_sizes=[1.2,0.8] --out runs/04`
     """
     from eval.tables import format_metrics
     from slam.data.dataset import open_dataset
