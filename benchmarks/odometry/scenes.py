@@ -191,7 +191,7 @@ def _arguments() -> argparse.Namespace:
     arguments.add_argument("--before", type=Path, default=RESULTS / "scenes_before.json", metavar="JSON",
                            help="scenes.json of an earlier run, whose ATE stands beside ours")  # fmt: skip
     arguments.add_argument("--systems", nargs="+", choices=IN_SCENES, default=list(IN_SCENES), metavar="SYSTEM",
-                           help="some of %(choices)s; the others' figures stay as benchmarks/results has them")  # fmt: skip
+                           help="some of %(choices)s; the others keep the figures that they have")  # fmt: skip
     add_results(arguments)
     return arguments.parse_args()
 
