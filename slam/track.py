@@ -25,6 +25,7 @@ SHORTEST, GAP = (
     0.2,
     5.0,
 )  # sweeps between two stamps: less makes no sense; after more, the prediction is searched around
+LONGEST = 5.0  # s that a velocity is believed to last
 EVICT_EVERY = 5.0  # m of way between two clean-ups of the map
 LOST_AFTER = 5  # so many failures in a row, and the map starts anew where the sensor is thought to be
 SEARCH_STEP = 0.5  # m, below the reach of a coarse cell
@@ -169,8 +170,8 @@ class Track:
         return step
 
     def predict(self, stamp: float) -> Array:
-        """Pose (4, 4) at `stamp` if the velocity has stayed as it was at the last registered scan."""
-        return self._pose @ se3.exp(self._velocity * self._elapsed(stamp))
+        """Pose (4, 4) at `stamp` if the velocity has stayed as it was at the last registered scan (LONGEST, at most)."""
+        return self._pose @ se3.exp(self._velocity * min(self._elapsed(stamp), LONGEST))
 
     def _begin(self, scan: PointCloud) -> None:
         """Cells and thinning, from the first scan."""
@@ -201,12 +202,15 @@ class Track:
         status: Literal["registered", "retried", "degenerate"] = "registered"
         gap = self._failures > 0 or self._elapsed(stamp) > GAP * self.sweep_duration
         if self._registered < 2 or gap:
-            found = self._search(target, points, self._centres(prediction))
+            centres = self._centres(prediction)
+            found = self._search(target, points, centres)
+            prediction = min(centres, key=lambda centre: _moved(centre, found.pose))
         else:
             found = target.align(*points, prediction, _all_unobserved(self._unobserved))
         lost = target.unobserved(*points, found.pose, self._unobserved)
         if len(lost):
-            found = target.align(*points, self._steadied(prediction, lost, stamp), _all_unobserved(lost))
+            steadied = prediction if gap else self._steadied(prediction, lost, stamp)
+            found = target.align(*points, steadied, _all_unobserved(lost))
         elif self._registered > 1 and not gap and not self._expected(prediction, found):
             status, found = "retried", self._search(target, points, [prediction], found)
         if not self._sound(found, lost):
