@@ -170,7 +170,7 @@ class Track:
         return step
 
     def predict(self, stamp: float) -> Array:
-        """Pose (4, 4) at `stamp` if the velocity has stayed as it was at the last registered scan (LONGEST, at most)."""
+        """Pose (4, 4) at `stamp`, had the velocity stayed as it was at the last registered scan."""
         return self._pose @ se3.exp(self._velocity * min(self._elapsed(stamp), LONGEST))
 
     def _begin(self, scan: PointCloud) -> None:
