@@ -15,11 +15,12 @@ import json
 import multiprocessing
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from time import perf_counter
+from types import MappingProxyType
 from typing import Any
 
 from benchmarks.common.cores import ONE_THREAD, pin_to_one_core
@@ -106,7 +107,11 @@ def facts(drive: ChosenDrive) -> dict[str, Any]:
 
 
 def entry(
-    drive: ChosenDrive, dense: Array | None, name: str, measure: Sequence[str], kept: dict[str, Any]
+    drive: ChosenDrive,
+    dense: Array | None,
+    name: str,
+    measure: Sequence[str] = IN_SCENES,
+    kept: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """What the JSON has of a drive and an input; only `reason` where the drive does not have it.
 
