@@ -248,10 +248,13 @@ def test_frames_of_a_simulated_drive() -> None:
 def test_a_small_run(street_drive: Street, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("kiss_icp")
     pytest.importorskip("small_gicp")
-    monkeypatch.setattr(scenes, "in_own_process", lambda measure, *case: measure(*case, IN_SCENES))
+    monkeypatch.setattr(scenes, "in_own_process", lambda measure, *case, systems: measure(*case, systems))
     (drive,) = chosen_drives(options(str(street_drive()), frames="0:7"), images=True)
     found = {each: scenes.entry(drive, None, each) for each in ("full", "ray-segment", "lift")}
     assert found["lift"] == {"reason": "no images"}
+    again = scenes.entry(drive, None, "full", ["ndt"], found["full"])  # the others keep their figures
+    assert again["systems"]["gicp"] == found["full"]["systems"]["gicp"]
+    assert again["systems"]["ndt"]["ate_m"] == pytest.approx(found["full"]["systems"]["ndt"]["ate_m"], abs=1e-6)
     for each in ("full", "ray-segment"):
         assert list(found[each]["systems"]) == list(IN_SCENES)
         for system in (*OURS, REFERENCE, "vgicp", "gicp"):
