@@ -13,7 +13,7 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.registration.voxels import VoxelGaussians
 
-LEAST = 0.0012  # share of what the surfaces face: with less a direction is not held. In a tunnel 0.0003, else rarely below 0.002
+LEAST = 0.0012  # share of what the surfaces face: with less a direction is not held. In a tunnel 0.0003, else 0.002 up
 ENOUGH = 0.002  # before a direction that was not held counts as held again
 SAME = 0.9  # cosine between directions that are one, from scan to scan
 
