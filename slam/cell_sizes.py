@@ -1,4 +1,4 @@
-"""Cells, thinning and the nearest points that count, from how wide the scene is: a street, or a corridor."""
+"""Cells, thinning and the nearest points that count, from how far the first scan sees: a street, or a corridor."""
 
 from __future__ import annotations
 

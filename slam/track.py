@@ -21,10 +21,8 @@ from slam.registration.voxels import VoxelFilter
 from slam.settings import OdometrySettings
 
 MIN_POINTS = 50  # a thinned scan with fewer is not registered: an empty or all but empty file
-SHORTEST, GAP = (
-    0.2,
-    5.0,
-)  # sweeps between two stamps: less makes no sense; after more, the prediction is searched around
+SHORTEST = 0.2  # sweeps between two stamps; less makes no sense
+GAP = 5.0  # sweeps between two stamps; after more, the prediction is searched around
 LONGEST = 5.0  # s that a velocity is believed to last
 EVICT_EVERY = 5.0  # m of way between two clean-ups of the map
 LOST_AFTER = 5  # so many failures in a row, and the map starts anew where the sensor is thought to be

@@ -160,7 +160,7 @@ def _hold_by_covariance(cell, A, ridge, gaussians):
 
 @njit(inline="always")
 def _hold_by_surface(cell, A, V, ridge, size, row, pose, gaussians):
-    """Information along the directions in which a surface is thin: a plane's normal, both sides of an edge or pole.
+    """Information along the directions in which a surface is thin: a plane's normal, both sides of an edge.
 
     How far points spread along a surface says where the cell ends and how the rings fell into it, not where anything
     is. A line of points is an edge only where it crosses rings; along them it is a ring's own trace.
@@ -219,6 +219,16 @@ def _tells(S):
     return S[3] + S[6] + S[8] > 0.0
 
 
+@njit(inline="always")
+def _add_cell(key, slot, cell, keys, slots, sums, gaussians, cell_keys):
+    """An empty cell at a free slot."""
+    keys[slot] = key
+    slots[slot] = cell
+    cell_keys[cell] = key
+    sums[cell] = 0.0
+    gaussians[cell] = 0.0
+
+
 @njit(cache=True, nogil=True)
 def insert(
     xyz, weight, pose, size, min_points, max_points, floor, surfaces, keys, slots, sums, gaussians, cell_keys, count
@@ -243,11 +253,7 @@ def insert(
             last_key = key
             slot = _find(keys, key)
             if keys[slot] == EMPTY:
-                keys[slot] = key
-                slots[slot] = count
-                cell_keys[count] = key
-                sums[count] = 0.0
-                gaussians[count] = 0.0
+                _add_cell(key, slot, count, keys, slots, sums, gaussians, cell_keys)
                 count += 1
             cell = slots[slot]
             if sums[cell, _COUNT] < max_points:
@@ -514,11 +520,7 @@ def merge(fine_sums, fine_count, size, min_points, floor, pose, keys, slots, sum
         key = _key(fine[_MEAN], fine[_MEAN + 1], fine[_MEAN + 2], inverse_size)
         slot = _find(keys, key)
         if keys[slot] == EMPTY:
-            keys[slot] = key
-            slots[slot] = count
-            cell_keys[count] = key
-            sums[count] = 0.0
-            gaussians[count] = 0.0
+            _add_cell(key, slot, count, keys, slots, sums, gaussians, cell_keys)
             count += 1
         row = sums[slots[slot]]
         total = row[0] + fine[0]
