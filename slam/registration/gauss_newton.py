@@ -37,16 +37,21 @@ class Linearisation:
 
 
 def minimise(
-    linearise: Callable[[Array], Linearisation], guess: Array, max_iterations: int, locked: Array = NOTHING
+    linearise: Callable[[Array], Linearisation],
+    guess: Array,
+    model: Linearisation,
+    max_iterations: int,
+    locked: Array = NOTHING,
 ) -> tuple[Array, bool]:
-    """Steps from `guess` (4, 4) until one is below the thresholds: the pose, and whether that happened.
+    """Steps from `guess` (4, 4), where the linearisation is `model`, until one is below the thresholds: the pose, and
+    whether that happened.
 
     Along the directions `locked` (K, 6), orthonormal and in the target's axes, no step is taken (solution remapping,
     Zhang, Kaess, Singh, ICRA 2016).
     """
     pose, free = guess, null_space(locked) if len(locked) else np.eye(6)
-    for _ in range(max_iterations):
-        model = linearise(pose)
+    for iteration in range(max_iterations):
+        model = linearise(pose) if iteration else model
         step = -free @ _solve(free.T @ model.H @ free, free.T @ model.gradient)
         pose = _perturbed(pose, step)
         if np.linalg.norm(step[:3]) < STOP_ROTATION and np.linalg.norm(step[3:]) < STOP_TRANSLATION:

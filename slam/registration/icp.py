@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -52,7 +53,8 @@ class IcpTarget:
 
         No step is taken along `locked` (K, 6) in the target's axes.
         """
-        pose, converged = minimise(lambda T: self._linearise(xyz, weight, T), guess, self.max_iterations, locked)
+        linearise = partial(self._linearise, xyz, weight)
+        pose, converged = minimise(linearise, guess, linearise(guess), self.max_iterations, locked)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(xyz, weight, pose, scores)
         return result(model, pose, converged, xyz, scores)

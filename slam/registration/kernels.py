@@ -105,32 +105,41 @@ def downsample(xyz, weight, size, min_range, max_range, keys, slots):
     return centroids, weights, source[:count].copy()
 
 
-@njit(cache=True, nogil=True)
-def eigen(A, V):
-    """Cyclic Jacobi rotations: symmetric A (3, 3) becomes diagonal, its eigenvectors are the columns of V (3, 3)."""
-    for i in range(3):
-        for j in range(3):
-            V[i, j] = 1.0 if i == j else 0.0
-    for _ in range(8):
-        aside = A[0, 1] ** 2 + A[0, 2] ** 2 + A[1, 2] ** 2
-        if aside <= 1e-20 * (A[0, 0] ** 2 + A[1, 1] ** 2 + A[2, 2] ** 2):
-            break
-        for n in range(3):
-            p, q = (1, 2) if n == 2 else (0, n + 1)
-            if A[p, q] == 0.0:
-                continue
-            theta = (A[q, q] - A[p, p]) / (2.0 * A[p, q])
-            t = (1.0 if theta >= 0.0 else -1.0) / (abs(theta) + math.sqrt(theta * theta + 1.0))
-            c = 1.0 / math.sqrt(t * t + 1.0)
-            s = t * c
-            A[p, p] -= t * A[p, q]
-            A[q, q] += t * A[p, q]
-            A[p, q] = A[q, p] = 0.0
-            r = 3 - p - q
-            A[r, p], A[r, q] = c * A[r, p] - s * A[r, q], s * A[r, p] + c * A[r, q]
-            A[p, r], A[q, r] = A[r, p], A[r, q]
-            for k in range(3):
-                V[k, p], V[k, q] = c * V[k, p] - s * V[k, q], s * V[k, p] + c * V[k, q]
+@njit(inline="always")
+def eigenvalues(A):
+    """Of a symmetric A (3, 3), least to most: the roots of its cubic by their angle (Smith 1961)."""
+    mean = (A[0, 0] + A[1, 1] + A[2, 2]) / 3.0
+    xx, yy, zz = A[0, 0] - mean, A[1, 1] - mean, A[2, 2] - mean
+    xy, xz, yz = A[0, 1], A[0, 2], A[1, 2]
+    squared = (xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0
+    if squared <= 0.0:
+        return mean, mean, mean
+    spread = math.sqrt(squared)
+    determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    angle = math.acos(min(1.0, max(-1.0, 0.5 * determinant / (squared * spread)))) / 3.0
+    most = mean + 2.0 * spread * math.cos(angle)
+    least = mean + 2.0 * spread * math.cos(angle + 2.0 * math.pi / 3.0)
+    return least, 3.0 * mean - least - most, most
+
+
+@njit(inline="always")
+def eigenvector(A, value):
+    """The unit eigenvector of a symmetric A (3, 3) to an eigenvalue that stands apart from the others: across two rows
+    of A - value I, those that differ most in direction."""
+    xx, yy, zz = A[0, 0] - value, A[1, 1] - value, A[2, 2] - value
+    xy, xz, yz = A[0, 1], A[0, 2], A[1, 2]
+    ax, ay, az = xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy
+    bx, by, bz = xy * zz - xz * yz, xz * xz - xx * zz, xx * yz - xy * xz
+    cx, cy, cz = yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz
+    a, b, c = ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz, cx * cx + cy * cy + cz * cz
+    if b > a and b >= c:
+        a, ax, ay, az = b, bx, by, bz
+    elif c > a:
+        a, ax, ay, az = c, cx, cy, cz
+    if a <= 0.0:
+        return 0.0, 0.0, 1.0
+    inverse = 1.0 / math.sqrt(a)
+    return ax * inverse, ay * inverse, az * inverse
 
 
 @njit(inline="always")
@@ -159,42 +168,61 @@ def _hold_by_covariance(cell, A, ridge, gaussians):
 
 
 @njit(inline="always")
-def _hold_by_surface(cell, A, V, ridge, size, row, pose, gaussians):
+def _hold_by_surface(cell, A, ridge, size, row, pose, gaussians):
     """Information along the directions in which a surface is thin: a plane's normal, both sides of an edge.
 
     How far points spread along a surface says where the cell ends and how the rings fell into it, not where anything
     is. A line of points is an edge only where it crosses rings; along them it is a ring's own trace.
     """
-    eigen(A, V)
-    thin, wide, mid = 0, 0, 0
-    for k in range(1, 3):
-        thin = k if A[k, k] < A[thin, thin] else thin
-        wide = k if A[k, k] >= A[wide, wide] else wide
-    mid = 3 - thin - wide if thin != wide else thin
-    least, middle, most = max(A[thin, thin], 0.0), max(A[mid, mid], 0.0), A[wide, wide]
-    count = min(row[_COUNT], INDEPENDENT)
-    gaussians[cell, 9] = (least + ridge) / ((middle + ridge) * count)
+    least, middle, most = eigenvalues(A)
+    least, middle = max(least, 0.0), max(middle, 0.0)
+    gaussians[cell, 9] = (least + ridge) / ((middle + ridge) * min(row[_COUNT], INDEPENDENT))
     if least > FLAT * middle:
         return
-    line = ELONGATED * middle < most
-    if line and _across_rings(V[0, wide], V[1, wide], V[2, wide], row[_MEAN : _MEAN + 3], pose) < CROSSING:
+    if ELONGATED * middle >= most:
+        x, y, z = eigenvector(A, least)
+        _hold_along(cell, x, y, z, least, ridge, size, gaussians)
         return
-    full = size * size / 12.0
-    for k in (thin, mid):
-        gain = max(0.0, 1.0 - A[k, k] / full) / (max(A[k, k], 0.0) + ridge)
-        x, y, z = V[0, k], V[1, k], V[2, k]
-        gaussians[cell, 3] += gain * x * x
-        gaussians[cell, 4] += gain * x * y
-        gaussians[cell, 5] += gain * x * z
-        gaussians[cell, 6] += gain * y * y
-        gaussians[cell, 7] += gain * y * z
-        gaussians[cell, 8] += gain * z * z
-        if not line:
-            break
+    wx, wy, wz = eigenvector(A, most)
+    if _across_rings(wx, wy, wz, row[_MEAN : _MEAN + 3], pose) < CROSSING:
+        return
+    x, y, z = eigenvector(A, least)
+    x, y, z = _across(x, y, z, wx, wy, wz)
+    _hold_along(cell, x, y, z, least, ridge, size, gaussians)
+    _hold_along(cell, y * wz - z * wy, z * wx - x * wz, x * wy - y * wx, middle, ridge, size, gaussians)
 
 
 @njit(inline="always")
-def _update_gaussian(cell, sums, gaussians, floor, size, surfaces, pose, A, V):
+def _across(x, y, z, wx, wy, wz):
+    """The part of a vector that is perpendicular to the unit vector w, as a unit vector; any such vector where that
+    part is nothing, as of a line without any width."""
+    along = x * wx + y * wy + z * wz
+    x, y, z = x - along * wx, y - along * wy, z - along * wz
+    squared = x * x + y * y + z * z
+    if squared < 1e-6:
+        if wx * wx < 0.5:
+            x, y, z = 1.0 - wx * wx, -wx * wy, -wx * wz
+        else:
+            x, y, z = -wy * wx, 1.0 - wy * wy, -wy * wz
+        squared = x * x + y * y + z * z
+    inverse = 1.0 / math.sqrt(squared)
+    return x * inverse, y * inverse, z * inverse
+
+
+@njit(inline="always")
+def _hold_along(cell, x, y, z, variance, ridge, size, gaussians):
+    """Add information along a unit vector; none where the points spread as far as the cell does."""
+    gain = max(0.0, 1.0 - 12.0 * variance / (size * size)) / (variance + ridge)
+    gaussians[cell, 3] += gain * x * x
+    gaussians[cell, 4] += gain * x * y
+    gaussians[cell, 5] += gain * x * z
+    gaussians[cell, 6] += gain * y * y
+    gaussians[cell, 7] += gain * y * z
+    gaussians[cell, 8] += gain * z * z
+
+
+@njit(inline="always")
+def _update_gaussian(cell, sums, gaussians, floor, size, surfaces, pose, A):
     """Mean and information matrix of a cell from its sums; `floor` of the trace keeps flat cells invertible."""
     row = sums[cell]
     scale = 1.0 / row[0] * row[_COUNT] / (row[_COUNT] - 1.0)
@@ -208,7 +236,7 @@ def _update_gaussian(cell, sums, gaussians, floor, size, surfaces, pose, A, V):
         gaussians[cell, axis] = row[_MEAN + axis]
     gaussians[cell, 3:] = 0.0
     if surfaces:
-        _hold_by_surface(cell, A, V, ridge, size, row, pose, gaussians)
+        _hold_by_surface(cell, A, ridge, size, row, pose, gaussians)
     else:
         _hold_by_covariance(cell, A, ridge, gaussians)
 
@@ -239,7 +267,7 @@ def insert(
     Gaussian's information stays 0 while the cell has fewer than `min_points`, and where it shows no surface
     (`surfaces`). Returns the new number of cells.
     """
-    A, V = np.empty((3, 3)), np.empty((3, 3))
+    A = np.empty((3, 3))
     inverse_size = 1.0 / size
     touched = np.empty(len(xyz), np.int32)
     touches = 0
@@ -278,7 +306,7 @@ def insert(
         row[_SCATTER + 5] += dz * ez
     for i in range(touches):
         if sums[touched[i], _COUNT] >= min_points:
-            _update_gaussian(touched[i], sums, gaussians, floor, size, surfaces, pose, A, V)
+            _update_gaussian(touched[i], sums, gaussians, floor, size, surfaces, pose, A)
     return count
 
 
@@ -512,7 +540,7 @@ def evidence(xyz, weight, pose, relevance, size, block, most, keys, slots, gauss
 def merge(fine_sums, fine_count, size, min_points, floor, pose, keys, slots, sums, gaussians, cell_keys):
     """Fill empty cells of a larger `size` with the moments of finer ones, and their Gaussians of surfaces as seen from
     `pose` (4, 4). Returns their number."""
-    A, V = np.empty((3, 3)), np.empty((3, 3))
+    A = np.empty((3, 3))
     inverse_size = 1.0 / size
     count = 0
     for i in range(fine_count):
@@ -540,7 +568,7 @@ def merge(fine_sums, fine_count, size, min_points, floor, pose, keys, slots, sum
         row[_COUNT] += fine[_COUNT]
     for cell in range(count):
         if sums[cell, _COUNT] >= min_points:
-            _update_gaussian(cell, sums, gaussians, floor, size, True, pose, A, V)
+            _update_gaussian(cell, sums, gaussians, floor, size, True, pose, A)
     return count
 
 

@@ -95,24 +95,24 @@ class NdtTarget:
         have to bring the finest one within reach. No step is taken along `locked` (K, 6), in the map's axes.
         """
         pose, converged, deciding = guess, False, self.levels[-1]
-        for level in self._useful(xyz, weight, guess):
+        model = self._linearise(self.levels[0], xyz, weight, guess)
+        for level in (*self._begun(model), *self.levels):
+            linearise = partial(self._linearise, level, xyz, weight)
+            model = model if level is self.levels[0] and pose is guess else linearise(pose)
+            if self.surfaces and level in self.levels and model.overlap < MET:
+                continue
             deciding = level
             limit = self.max_iterations if level is self.levels[-1] else self.max_iterations // 2
-            pose, converged = minimise(partial(self._linearise, level, xyz, weight), pose, limit, locked)
+            pose, converged = minimise(linearise, pose, model, limit, locked)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(deciding, xyz, weight, pose, scores)
         return result(model, pose, converged, xyz, scores)
 
-    def _useful(self, xyz: Array, weight: Array, pose: Array) -> list[VoxelGaussians]:
-        """The levels, coarse to fine, that enough of the points meet; where few do, for the map has just begun, with
-        coarser ones before them."""
-        if not self.surfaces:
-            return self.levels
-        met = [self._linearise(level, xyz, weight, pose).overlap for level in self.levels]
-        levels = [level for level, share in zip(self.levels, met, strict=True) if share >= MET]
-        if met[0] < MET:
-            levels = [self.levels[-1].coarser(factor) for factor in reversed(COARSER)] + levels
-        return levels
+    def _begun(self, model: Linearisation) -> list[VoxelGaussians]:
+        """Coarser levels made of the finest one, where few points meet the coarse level: the map has just begun."""
+        if not self.surfaces or model.overlap >= MET:
+            return []
+        return [self.levels[-1].coarser(factor) for factor in reversed(COARSER)]
 
     def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
         """Directions (K, 3) that points at `pose` do not hold, as `observability.unobserved` finds them; none where
