@@ -17,8 +17,9 @@ _MASK = (1 << _BITS) - 1
 
 # Columns of a cell's running sums: weight, mean (3), scatter about the mean (xx xy xz yy yz zz), points seen.
 _MEAN, _SCATTER, _COUNT = 1, 4, 10
-# Columns of a Gaussian: mean (3), information (xx xy xz yy yz zz; 0: it tells nothing), variance of its tilt [rad^2].
-GAUSSIAN = 10
+# Columns of a Gaussian: mean (3), information (xx xy xz yy yz zz; 0: it tells nothing), variance of its tilt [rad^2],
+# points seen when it was made.
+_MADE_OF, GAUSSIAN = 10, 11
 
 # What a cell's eigenvalues, most >= middle >= least, say of the surface in it. Chosen on simulated and KITTI drives
 # (docs/odometry.md): plain 16 rings want the elongation strict, dense ones hardly mind.
@@ -235,6 +236,7 @@ def _update_gaussian(cell, sums, gaussians, floor, size, surfaces, pose, A):
     for axis in range(3):
         gaussians[cell, axis] = row[_MEAN + axis]
     gaussians[cell, 3:] = 0.0
+    gaussians[cell, _MADE_OF] = row[_COUNT]
     if surfaces:
         _hold_by_surface(cell, A, ridge, size, row, pose, gaussians)
     else:
@@ -305,7 +307,8 @@ def insert(
         row[_SCATTER + 4] += dy * ez
         row[_SCATTER + 5] += dz * ez
     for i in range(touches):
-        if sums[touched[i], _COUNT] >= min_points:
+        seen = sums[touched[i], _COUNT]
+        if seen >= min_points and seen > gaussians[touched[i], _MADE_OF]:
             _update_gaussian(touched[i], sums, gaussians, floor, size, surfaces, pose, A)
     return count
 
