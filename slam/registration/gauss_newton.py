@@ -65,7 +65,7 @@ def result(model: Linearisation, pose: Array, converged: bool, xyz: Array, score
     turn = np.zeros((6, 6))
     turn[:3, :3] = turn[3:, 3:] = pose[:3, :3]
     H = turn.T @ model.H @ turn
-    scatter = turn.T @ clustered_scatter(xyz, scores, CLUSTER, *hash_table(len(xyz))) @ turn
+    scatter = turn.T @ clustered_scatter(xyz, scores, CLUSTER, hash_table(len(xyz))) @ turn
     return RegistrationResult(
         pose=pose,
         H=H,

@@ -1,8 +1,8 @@
 """The loops behind registration: voxel hashing, Gaussians a cell, NDT's normal equations. Nothing but @njit here,
 and all in one file: numba's cache does not see a change in another.
 
-Hash tables are open addressing with linear probing over a power of two of slots: `keys` (S,) int64, EMPTY where free,
-and `slots` (S,) int32, the row of the cell in its dense arrays.
+Hash tables are open addressing with linear probing over a power of two of slots: `table` (S, 2) int64, the key of a
+cell, EMPTY where the slot is free, and its row in the dense arrays.
 """
 
 import math
@@ -39,12 +39,18 @@ def _key(x, y, z, inverse_size):
 
 
 @njit(inline="always")
-def _find(keys, key):
-    """Slot that holds `key`, or the free one where it belongs."""
-    mask = len(keys) - 1
-    h = key * np.int64(-7046029254386353131)  # 2^64 / golden ratio: the product's high bits are well mixed
-    slot = np.int64(h ^ (h >> 32)) & mask
-    while keys[slot] != EMPTY and keys[slot] != key:
+def _find(table, key):
+    """Slot that holds `key`, or the free one where it belongs.
+
+    The four cells of a block of 2 x 2 begin at slots that share a cache line: points next to each other fall into cells
+    next to each other, and of a map, most is not in the cache.
+    """
+    mask = len(table) - 1
+    x, y = (key >> (2 * _BITS)) & 1, (key >> _BITS) & 1
+    block = key & ~((np.int64(1) << (2 * _BITS)) | (np.int64(1) << _BITS))
+    h = block * np.int64(-7046029254386353131)  # 2^64 / golden ratio: the product's high bits are well mixed
+    slot = ((np.int64(h ^ (h >> 32)) & ~np.int64(3)) | (x << 1) | y) & mask
+    while table[slot, 0] != EMPTY and table[slot, 0] != key:
         slot = (slot + 1) & mask
     return slot
 
@@ -60,14 +66,14 @@ def _turned(pose, x, y, z):
 
 
 @njit(cache=True, nogil=True)
-def downsample(xyz, weight, size, min_range, max_range, keys, slots):
+def downsample(xyz, weight, size, min_range, max_range, table):
     """Weighted centroid of the points of each cell, in the order in which the cells were first met.
 
     Points nearer to the origin than `min_range` or further than `max_range`, and those not finite, are left out.
     xyz (N, 3) float32, weight (N,) float32 -> centroids (M, 3) float32, mean weights (M,) float32, source (M,) int64:
-    the first point of each cell. `keys` and `slots` are scratch, at least twice as long as N, overwritten.
+    the first point of each cell. `table` is scratch, at least twice as long as N, overwritten.
     """
-    keys[:] = EMPTY
+    table[:, 0] = EMPTY
     inverse_size = 1.0 / size
     sums = np.empty((len(xyz), 5), np.float32)
     source = np.empty(len(xyz), np.int64)
@@ -81,14 +87,14 @@ def downsample(xyz, weight, size, min_range, max_range, keys, slots):
         key = _key(x, y, z, inverse_size)
         if key != last_key:  # neighbours in a scan mostly share the cell
             last_key = key
-            slot = _find(keys, key)
-            if keys[slot] == EMPTY:
-                keys[slot] = key
-                slots[slot] = count
+            slot = _find(table, key)
+            if table[slot, 0] == EMPTY:
+                table[slot, 0] = key
+                table[slot, 1] = count
                 sums[count] = 0.0
                 source[count] = i
                 count += 1
-            cell = slots[slot]
+            cell = table[slot, 1]
         # relative to the cell's first point: float32 sums far from the origin would lose digits
         first = source[cell]
         sums[cell, 0] += w
@@ -250,10 +256,10 @@ def _tells(S):
 
 
 @njit(inline="always")
-def _add_cell(key, slot, cell, keys, slots, sums, gaussians, cell_keys):
+def _add_cell(key, slot, cell, table, sums, gaussians, cell_keys):
     """An empty cell at a free slot."""
-    keys[slot] = key
-    slots[slot] = cell
+    table[slot, 0] = key
+    table[slot, 1] = cell
     cell_keys[cell] = key
     sums[cell] = 0.0
     gaussians[cell] = 0.0
@@ -261,7 +267,7 @@ def _add_cell(key, slot, cell, keys, slots, sums, gaussians, cell_keys):
 
 @njit(cache=True, nogil=True)
 def insert(
-    xyz, weight, pose, size, min_points, max_points, floor, surfaces, keys, slots, sums, gaussians, cell_keys, count
+    xyz, weight, pose, size, min_points, max_points, floor, surfaces, table, sums, gaussians, cell_keys, count
 ):
     """Add points (N, 3), moved by `pose` (4, 4), to the cells' running sums and renew the Gaussians they touch.
 
@@ -281,11 +287,11 @@ def insert(
         key = _key(x, y, z, inverse_size)
         if key != last_key:
             last_key = key
-            slot = _find(keys, key)
-            if keys[slot] == EMPTY:
-                _add_cell(key, slot, count, keys, slots, sums, gaussians, cell_keys)
+            slot = _find(table, key)
+            if table[slot, 0] == EMPTY:
+                _add_cell(key, slot, count, table, sums, gaussians, cell_keys)
                 count += 1
-            cell = slots[slot]
+            cell = table[slot, 1]
             if sums[cell, _COUNT] < max_points:
                 touched[touches] = cell
                 touches += 1
@@ -314,9 +320,9 @@ def insert(
 
 
 @njit(cache=True, nogil=True)
-def evict(centre, radius, keys, slots, sums, gaussians, cell_keys, count):
+def evict(centre, radius, table, sums, gaussians, cell_keys, count):
     """Forget the cells whose mean is further than `radius` from `centre` (3,); returns how many remain."""
-    keys[:] = EMPTY
+    table[:, 0] = EMPTY
     kept = 0
     for cell in range(count):
         squared = 0.0
@@ -327,21 +333,21 @@ def evict(centre, radius, keys, slots, sums, gaussians, cell_keys, count):
         sums[kept] = sums[cell]
         gaussians[kept] = gaussians[cell]
         cell_keys[kept] = cell_keys[cell]
-        slot = _find(keys, cell_keys[kept])
-        keys[slot] = cell_keys[kept]
-        slots[slot] = kept
+        slot = _find(table, cell_keys[kept])
+        table[slot, 0] = cell_keys[kept]
+        table[slot, 1] = kept
         kept += 1
     return kept
 
 
 @njit(cache=True, nogil=True)
-def rehash(cell_keys, count, keys, slots):
+def rehash(cell_keys, count, table):
     """Fill an empty table, after it has grown, with the cells there are."""
-    keys[:] = EMPTY
+    table[:, 0] = EMPTY
     for cell in range(count):
-        slot = _find(keys, cell_keys[cell])
-        keys[slot] = cell_keys[cell]
-        slots[slot] = cell
+        slot = _find(table, cell_keys[cell])
+        table[slot, 0] = cell_keys[cell]
+        table[slot, 1] = cell
 
 
 @njit(inline="always")
@@ -382,7 +388,7 @@ def _add_point(H, g, u, S, qx, qy, qz, fx, fy, fz):
 
 
 @njit(cache=True, nogil=True)
-def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, gaussians, scores):
+def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussians, scores):
     """One linearisation of NDT: sum over points of w rho'(m) J^T S^-1 [J | r], with m = r^T S^-1 r and r = T x - mean.
 
     The perturbation turns about the sensor and moves it, both in the axes of the map: J = [-[R x]_x, I]. The robust
@@ -413,10 +419,10 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
                 z + (step if axis == 3 else 0.0),
                 inverse_size,
             )
-            slot = _find(keys, key)
-            if keys[slot] == EMPTY:
+            slot = _find(table, key)
+            if table[slot, 0] == EMPTY:
                 continue
-            S = gaussians[slots[slot]]
+            S = gaussians[table[slot, 1]]
             if not _tells(S):
                 continue
             rx, ry, rz = x - S[0], y - S[1], z - S[2]
@@ -449,7 +455,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, keys, slots, g
 
 
 @njit(cache=True, nogil=True)
-def support(xyz, weight, pose, size, kernel, axes, keys, slots, gaussians):
+def support(xyz, weight, pose, size, kernel, axes, table, gaussians):
     """Which directions the surfaces face that hold the points: (3, 3) mean of n n^T, trace 1, in the axes of the map.
 
     Weighted as in `normal_equations`. Also (3,): what each of the orthonormal `axes` (3, 3), its rows, has of this
@@ -461,10 +467,10 @@ def support(xyz, weight, pose, size, kernel, axes, keys, slots, gaussians):
     for i in range(len(xyz)):
         x, y, z = _turned(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
         x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
-        slot = _find(keys, _key(x, y, z, inverse_size))
-        if keys[slot] == EMPTY or not _tells(gaussians[slots[slot]]):
+        slot = _find(table, _key(x, y, z, inverse_size))
+        if table[slot, 0] == EMPTY or not _tells(gaussians[table[slot, 1]]):
             continue
-        S = gaussians[slots[slot]]
+        S = gaussians[table[slot, 1]]
         u = weight[i] / (1.0 + _mahalanobis(S, x, y, z) * inverse_kernel)
         total += u
         u /= S[3] + S[6] + S[8]
@@ -497,25 +503,25 @@ def _mahalanobis(S, x, y, z):
 
 
 @njit(cache=True, nogil=True)
-def evidence(xyz, weight, pose, relevance, size, block, most, keys, slots, gaussians, block_keys, block_slots):
+def evidence(xyz, weight, pose, relevance, size, block, most, table, gaussians, blocks):
     """How much of the scene supports a pose: sum over cubic blocks of the fit in each, by what its points can tell,
     times the mean fit, for where a scan meets its own rings there is more that can fit.
 
     A point counts by its surface's normal n, n^T R n with `relevance` R (3, 3), and fits by exp(-m / 2) (the paper's
     eq. 5). A block of side `block` counts at most `most`, so that one lorry that drives along is not worth more than a
-    lamp post. `block_keys` and `block_slots` are scratch, at least twice as long as N, overwritten.
+    lamp post. `blocks` is scratch, at least twice as long as N, overwritten.
     """
-    block_keys[:] = EMPTY
+    blocks[:, 0] = EMPTY
     inverse_size, inverse_block = 1.0 / size, 1.0 / block
     mass = np.zeros((len(xyz), 2))
     count = 0
     for i in range(len(xyz)):
         x, y, z = _turned(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
         x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
-        slot = _find(keys, _key(x, y, z, inverse_size))
-        if keys[slot] == EMPTY or not _tells(gaussians[slots[slot]]):
+        slot = _find(table, _key(x, y, z, inverse_size))
+        if table[slot, 0] == EMPTY or not _tells(gaussians[table[slot, 1]]):
             continue
-        S = gaussians[slots[slot]]
+        S = gaussians[table[slot, 1]]
         told = (
             relevance[0, 0] * S[3]
             + relevance[1, 1] * S[6]
@@ -523,13 +529,13 @@ def evidence(xyz, weight, pose, relevance, size, block, most, keys, slots, gauss
             + 2.0 * (relevance[0, 1] * S[4] + relevance[0, 2] * S[5] + relevance[1, 2] * S[7])
         )
         told *= weight[i] / (S[3] + S[6] + S[8])
-        slot = _find(block_keys, _key(x, y, z, inverse_block))
-        if block_keys[slot] == EMPTY:
-            block_keys[slot] = _key(x, y, z, inverse_block)
-            block_slots[slot] = count
+        slot = _find(blocks, _key(x, y, z, inverse_block))
+        if blocks[slot, 0] == EMPTY:
+            blocks[slot, 0] = _key(x, y, z, inverse_block)
+            blocks[slot, 1] = count
             count += 1
-        mass[block_slots[slot], 0] += told
-        mass[block_slots[slot], 1] += told * math.exp(-0.5 * _mahalanobis(S, x, y, z))
+        mass[blocks[slot, 1], 0] += told
+        mass[blocks[slot, 1], 1] += told * math.exp(-0.5 * _mahalanobis(S, x, y, z))
     total, possible = 0.0, 1e-12
     for k in range(count):
         if mass[k, 0] > 0.0:
@@ -540,7 +546,7 @@ def evidence(xyz, weight, pose, relevance, size, block, most, keys, slots, gauss
 
 
 @njit(cache=True, nogil=True)
-def merge(fine_sums, fine_count, size, min_points, floor, pose, keys, slots, sums, gaussians, cell_keys):
+def merge(fine_sums, fine_count, size, min_points, floor, pose, table, sums, gaussians, cell_keys):
     """Fill empty cells of a larger `size` with the moments of finer ones, and their Gaussians of surfaces as seen from
     `pose` (4, 4). Returns their number."""
     A = np.empty((3, 3))
@@ -549,11 +555,11 @@ def merge(fine_sums, fine_count, size, min_points, floor, pose, keys, slots, sum
     for i in range(fine_count):
         fine = fine_sums[i]
         key = _key(fine[_MEAN], fine[_MEAN + 1], fine[_MEAN + 2], inverse_size)
-        slot = _find(keys, key)
-        if keys[slot] == EMPTY:
-            _add_cell(key, slot, count, keys, slots, sums, gaussians, cell_keys)
+        slot = _find(table, key)
+        if table[slot, 0] == EMPTY:
+            _add_cell(key, slot, count, table, sums, gaussians, cell_keys)
             count += 1
-        row = sums[slots[slot]]
+        row = sums[table[slot, 1]]
         total = row[0] + fine[0]
         dx, dy, dz = fine[_MEAN] - row[_MEAN], fine[_MEAN + 1] - row[_MEAN + 1], fine[_MEAN + 2] - row[_MEAN + 2]
         between = row[0] * fine[0] / total
@@ -576,22 +582,22 @@ def merge(fine_sums, fine_count, size, min_points, floor, pose, keys, slots, sum
 
 
 @njit(cache=True, nogil=True)
-def clustered_scatter(xyz, scores, size, keys, slots):
+def clustered_scatter(xyz, scores, size, table):
     """(6, 6): sum over cells of s s^T, s the sum of the scores (N, 6) of the points (N, 3) in the cell.
 
-    `keys` and `slots` are scratch, at least twice as long as N, overwritten.
+    `table` is scratch, at least twice as long as N, overwritten.
     """
-    keys[:] = EMPTY
+    table[:, 0] = EMPTY
     inverse_size = 1.0 / size
     sums = np.zeros((len(xyz), 6))
     count = 0
     for i in range(len(xyz)):
         key = _key(xyz[i, 0], xyz[i, 1], xyz[i, 2], inverse_size)
-        slot = _find(keys, key)
-        if keys[slot] == EMPTY:
-            keys[slot] = key
-            slots[slot] = count
+        slot = _find(table, key)
+        if table[slot, 0] == EMPTY:
+            table[slot, 0] = key
+            table[slot, 1] = count
             count += 1
         for k in range(6):
-            sums[slots[slot], k] += scores[i, k]
+            sums[table[slot, 1], k] += scores[i, k]
     return sums[:count].T @ sums[:count]

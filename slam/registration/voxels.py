@@ -10,10 +10,9 @@ from slam.registration import kernels
 NO_SCORES, AXES = np.zeros((0, 6)), np.eye(3)
 
 
-def hash_table(entries: int) -> tuple[Array, Array]:
-    """An empty hash table, at most half full with so many entries."""
-    size = 1 << max(10, (2 * entries - 1).bit_length())
-    return np.full(size, kernels.EMPTY, np.int64), np.zeros(size, np.int32)
+def hash_table(entries: int) -> Array:
+    """An empty hash table (S, 2) int64, see `kernels`, at most half full with that many entries."""
+    return np.full((1 << max(10, (2 * entries - 1).bit_length()), 2), kernels.EMPTY)
 
 
 class VoxelFilter:
@@ -25,9 +24,9 @@ class VoxelFilter:
 
     def __call__(self, xyz: Array, weight: Array) -> tuple[Array, Array, Array]:
         """Points (N, 3) and weights (N,), float32 -> centroids (M, 3), mean weights (M,), first point of each (M,)."""
-        if len(self._scratch[0]) < 2 * len(xyz):
+        if len(self._scratch) < 2 * len(xyz):
             self._scratch = hash_table(len(xyz))
-        return kernels.downsample(xyz, weight, self.size, self.min_range, self.max_range, *self._scratch)
+        return kernels.downsample(xyz, weight, self.size, self.min_range, self.max_range, self._scratch)
 
 
 class VoxelGaussians:
@@ -63,13 +62,13 @@ class VoxelGaussians:
         self._pose = pose
         self._count = kernels.insert(
             xyz, weight, pose, self.size, self.min_points, self.max_points, self.floor, self.surfaces,
-            self._keys, self._slots, self._sums, self._gaussians, self._cell_keys, self._count,
+            self._table, self._sums, self._gaussians, self._cell_keys, self._count,
         )  # fmt: skip
 
     def evict(self, centre: Array, radius: float) -> None:
         """Forget the cells further than `radius` [m] from `centre` (3,)."""
         self._count = kernels.evict(
-            centre, radius, self._keys, self._slots, self._sums, self._gaussians, self._cell_keys, self._count
+            centre, radius, self._table, self._sums, self._gaussians, self._cell_keys, self._count
         )
 
     def coarser(self, factor: int) -> VoxelGaussians:
@@ -80,7 +79,7 @@ class VoxelGaussians:
         coarse._pose = self._pose
         coarse._count = kernels.merge(
             self._sums, self._count, coarse.size, self.min_points, self.floor, self._pose,
-            coarse._keys, coarse._slots, coarse._sums, coarse._gaussians, coarse._cell_keys,
+            coarse._table, coarse._sums, coarse._gaussians, coarse._cell_keys,
         )  # fmt: skip
         return coarse
 
@@ -89,19 +88,19 @@ class VoxelGaussians:
     ) -> tuple[Array, Array, Array]:
         """See `kernels.normal_equations`."""
         return kernels.normal_equations(
-            xyz, weight, pose, self.size, neighbours, kernel, self._keys, self._slots, self._gaussians, scores
+            xyz, weight, pose, self.size, neighbours, kernel, self._table, self._gaussians, scores
         )
 
     def support(self, xyz: Array, weight: Array, pose: Array, kernel: float, axes: Array = AXES) -> tuple[Array, Array]:
         """See `kernels.support`."""
-        return kernels.support(xyz, weight, pose, self.size, kernel, axes, self._keys, self._slots, self._gaussians)
+        return kernels.support(xyz, weight, pose, self.size, kernel, axes, self._table, self._gaussians)
 
     def evidence(
-        self, xyz: Array, weight: Array, pose: Array, relevance: Array, block: float, most: float, scratch: Scratch
+        self, xyz: Array, weight: Array, pose: Array, relevance: Array, block: float, most: float, scratch: Array
     ) -> float:
         """See `kernels.evidence`."""
         return kernels.evidence(
-            xyz, weight, pose, relevance, self.size, block, most, self._keys, self._slots, self._gaussians, *scratch
+            xyz, weight, pose, relevance, self.size, block, most, self._table, self._gaussians, scratch
         )
 
     def _allocate(self, capacity: int) -> None:
@@ -111,8 +110,5 @@ class VoxelGaussians:
         self._cell_keys = np.zeros(capacity, np.int64)
         for new, values in zip((self._sums, self._gaussians, self._cell_keys), old, strict=True):
             new[: self._count] = values[: self._count]
-        self._keys, self._slots = hash_table(capacity)
-        kernels.rehash(self._cell_keys, self._count, self._keys, self._slots)
-
-
-Scratch = tuple[Array, Array]  # of a hash table
+        self._table = hash_table(capacity)
+        kernels.rehash(self._cell_keys, self._count, self._table)
