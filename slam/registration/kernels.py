@@ -71,13 +71,14 @@ def downsample(xyz, weight, size, min_range, max_range, table):
 
     Points nearer to the origin than `min_range` or further than `max_range`, and those not finite, are left out.
     xyz (N, 3) float32, weight (N,) float32 -> centroids (M, 3) float32, mean weights (M,) float32, source (M,) int64:
-    the first point of each cell. `table` is scratch, at least twice as long as N, overwritten.
+    the first point of each cell. `table` is scratch, overwritten. The fourth value is False where it was too small, and
+    the others then are of no use.
     """
     table[:, 0] = EMPTY
     inverse_size = 1.0 / size
-    sums = np.empty((len(xyz), 5), np.float32)
-    source = np.empty(len(xyz), np.int64)
-    count = 0
+    sums = np.empty((min(len(xyz), len(table) // 2), 8), np.float32)  # weight, xyz from the first point, points, that
+    source = np.empty(len(sums), np.int64)
+    count, fits = 0, True
     last_key, cell = EMPTY, 0
     for i in range(len(xyz)):
         x, y, z, w = xyz[i, 0], xyz[i, 1], xyz[i, 2], weight[i]
@@ -89,27 +90,31 @@ def downsample(xyz, weight, size, min_range, max_range, table):
             last_key = key
             slot = _find(table, key)
             if table[slot, 0] == EMPTY:
+                if count == len(sums):
+                    fits = False
+                    break
                 table[slot, 0] = key
                 table[slot, 1] = count
-                sums[count] = 0.0
+                sums[count, :5] = 0.0
+                sums[count, 5], sums[count, 6], sums[count, 7] = x, y, z
                 source[count] = i
                 count += 1
             cell = table[slot, 1]
         # relative to the cell's first point: float32 sums far from the origin would lose digits
-        first = source[cell]
-        sums[cell, 0] += w
-        sums[cell, 1] += w * (x - xyz[first, 0])
-        sums[cell, 2] += w * (y - xyz[first, 1])
-        sums[cell, 3] += w * (z - xyz[first, 2])
-        sums[cell, 4] += 1.0
+        row = sums[cell]
+        row[0] += w
+        row[1] += w * (x - row[5])
+        row[2] += w * (y - row[6])
+        row[3] += w * (z - row[7])
+        row[4] += 1.0
     centroids = np.empty((count, 3), np.float32)
     weights = np.empty(count, np.float32)
     for cell in range(count):
-        first = source[cell]
+        row = sums[cell]
         for axis in range(3):
-            centroids[cell, axis] = xyz[first, axis] + sums[cell, 1 + axis] / sums[cell, 0]
-        weights[cell] = sums[cell, 0] / sums[cell, 4]
-    return centroids, weights, source[:count].copy()
+            centroids[cell, axis] = row[5 + axis] + row[1 + axis] / row[0]
+        weights[cell] = row[0] / row[4]
+    return centroids, weights, source[:count].copy(), fits
 
 
 @njit(inline="always")

@@ -24,9 +24,11 @@ class VoxelFilter:
 
     def __call__(self, xyz: Array, weight: Array) -> tuple[Array, Array, Array]:
         """Points (N, 3) and weights (N,), float32 -> centroids (M, 3), mean weights (M,), first point of each (M,)."""
-        if len(self._scratch) < 2 * len(xyz):
-            self._scratch = hash_table(len(xyz))
-        return kernels.downsample(xyz, weight, self.size, self.min_range, self.max_range, self._scratch)
+        while True:
+            *thinned, fits = kernels.downsample(xyz, weight, self.size, self.min_range, self.max_range, self._scratch)
+            if fits:
+                return thinned[0], thinned[1], thinned[2]
+            self._scratch = hash_table(len(self._scratch))
 
 
 class VoxelGaussians:
