@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slam.data.cloud import Array
+
+EYE = np.eye(3)
 
 
 def skew(v: Array) -> Array:
@@ -13,26 +17,30 @@ def skew(v: Array) -> Array:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-def _left_jacobian(omega: Array) -> Array:
-    """V of SE(3)'s exponential: translation = V @ v (Barfoot, State Estimation for Robotics, eq. 7.86)."""
-    angle, K = float(np.linalg.norm(omega)), skew(omega)
+def _exponentials(omega: Array) -> tuple[Array, Array]:
+    """Rotation R (3, 3) of a rotation vector [rad], and V of SE(3)'s exponential: translation = V @ v (Barfoot, State
+    Estimation for Robotics, eq. 7.14 and 7.86)."""
+    angle, K = math.sqrt(omega @ omega), skew(omega)
+    squared = K @ K
     if angle < 1e-6:
-        return np.eye(3) + K / 2 + K @ K / 6
-    return np.eye(3) + (1 - np.cos(angle)) / angle**2 * K + (angle - np.sin(angle)) / angle**3 * (K @ K)
+        return EYE + K + squared / 2, EYE + K / 2 + squared / 6
+    versine = 2 * (math.sin(angle / 2) / angle) ** 2
+    R = EYE + math.sin(angle) / angle * K + versine * squared
+    return R, EYE + versine * K + (angle - math.sin(angle)) / angle**3 * squared
 
 
 def exp(xi: Array) -> Array:
     """Tangent vector (6,), rotation [rad] first, then translation [m] -> pose (4, 4)."""
     T = np.eye(4)
-    T[:3, :3] = Rotation.from_rotvec(xi[:3]).as_matrix()
-    T[:3, 3] = _left_jacobian(xi[:3]) @ xi[3:]
+    T[:3, :3], V = _exponentials(xi[:3])
+    T[:3, 3] = V @ xi[3:]
     return T
 
 
 def log(T: Array) -> Array:
     """Inverse of `exp` for rotations below pi: (4, 4) -> (6,)."""
     omega = Rotation.from_matrix(T[:3, :3]).as_rotvec()
-    return np.concatenate([omega, np.linalg.solve(_left_jacobian(omega), T[:3, 3])])
+    return np.concatenate([omega, np.linalg.solve(_exponentials(omega)[1], T[:3, 3])])
 
 
 def inverse(T: Array) -> Array:
@@ -88,7 +96,8 @@ def blend(start: Array, end: Array, share: Array) -> Array:
 def normalized(T: Array) -> Array:
     """The pose (4, 4) with its rotation made orthonormal again: rounding grows when poses are chained."""
     result = T.copy()
-    result[:3, :3] = Rotation.from_matrix(T[:3, :3]).as_matrix()
+    U, _, Vt = np.linalg.svd(T[:3, :3])
+    result[:3, :3] = U @ Vt
     return result
 
 

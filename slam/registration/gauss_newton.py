@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, null_space
+from scipy.linalg import null_space
 
 from slam.data import se3
 from slam.data.cloud import Array
@@ -79,7 +79,7 @@ def result(model: Linearisation, pose: Array, converged: bool, xyz: Array, score
 
 def _solve(H: Array, right: Array) -> Array:
     scale = max(float(np.trace(H)), 1e-12)
-    return cho_solve(cho_factor(H + RIDGE * scale * np.eye(len(H))), right)
+    return np.linalg.solve(H + RIDGE * scale * np.eye(len(H)), right)
 
 
 def _perturbed(pose: Array, step: Array) -> Array:
