@@ -189,7 +189,7 @@ def _hold_by_surface(cell, A, ridge, size, row, pose, gaussians):
     least, middle, most = eigenvalues(A)
     least, middle = max(least, 0.0), max(middle, 0.0)
     gaussians[cell, 9] = (least + ridge) / ((middle + ridge) * min(row[_COUNT], INDEPENDENT))
-    if least > FLAT * middle:
+    if least > FLAT * middle + 1e-9 * most:  # of a line without any width, both are nothing but rounding
         return
     if ELONGATED * middle >= most:
         x, y, z = eigenvector(A, least)
@@ -271,9 +271,7 @@ def _add_cell(key, slot, cell, table, sums, gaussians, cell_keys):
 
 
 @njit(cache=True, nogil=True)
-def insert(
-    xyz, weight, pose, size, min_points, max_points, floor, surfaces, table, sums, gaussians, cell_keys, count
-):
+def insert(xyz, weight, pose, size, min_points, max_points, floor, surfaces, table, sums, gaussians, cell_keys, count):
     """Add points (N, 3), moved by `pose` (4, 4), to the cells' running sums and renew the Gaussians they touch.
 
     Centred accumulation (West 1979), unbiased covariance. A cell that has seen `max_points` is left as it is. A
