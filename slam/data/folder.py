@@ -174,7 +174,7 @@ def to_cloud(points: Points, sensor: Sensor | None, path: Path) -> PointCloud:
     intensity = np.nan_to_num(found.astype(np.float64))
     if len(intensity) and intensity.max() > 1:  # Velodyne and most others: 0..255
         intensity = np.clip(intensity / 255, 0, 1)
-    time = points.time
+    time = next(iter(points.times.values()), None)
     if time is not None and len(time):
         time = (time - time.min()).astype(np.float64)
         time = time / time.max() if 0 < time.max() < np.inf else None
