@@ -22,6 +22,7 @@ from slam.data.files import (
     read_numbers,
     rows_by_number,
 )
+from slam.data.first_scans import reading_of
 from slam.data.point_files import SUFFIXES, Points, read_points
 from slam.data.pose_files import read_poses
 from slam.data.problem import Problem
@@ -44,7 +45,7 @@ class UserFolder:
         """The folder itself where it has scans. See `Loader`."""
         return {"": path} if scans_in(path) else {}
 
-    def __init__(self, path: Path, sensor: str | Path | None = None) -> None:
+    def __init__(self, path: Path, sensor: str | Path | None = None, columns: str | None = None) -> None:
         self.path = path
         self.name = path.resolve().name
         self._files = scans_in(path)
@@ -52,6 +53,7 @@ class UserFolder:
         if len(kinds) != 1:
             fault = f"scans of several kinds ({', '.join(kinds)}); keep one" if kinds else "no scans in it"
             raise InputError(f"{path}: {fault}; {', '.join(SUFFIXES)} files are read")
+        self.reading, told = reading_of(self._files, columns)
         self.sensor = sensor_of_folder(path, sensor)
         self.numbers = numbers_of(self._files)
         step = max(int(np.median(np.diff(self.numbers))), 1) if len(self) > 1 else 1
@@ -59,14 +61,14 @@ class UserFolder:
         self.calibration, uncalibrated = self._read_calibration()
         self._image_folder, self._images = self._match_images(known_times=not slow)
         self.ground_truth, untrue = self._read_ground_truth(known_times=not slow)
-        self.problems = (*gaps(self.numbers, self._files[0].parent, step), *slow, *uncalibrated, *untrue)
+        self.problems = (*told, *gaps(self.numbers, self._files[0].parent, step), *slow, *uncalibrated, *untrue)
 
     def __len__(self) -> int:
         return len(self._files)
 
     def __getitem__(self, position: int) -> Frame:
         number = int(self.numbers[position])
-        points = read_points(self._files[position])
+        points = read_points(self._files[position], self.reading)
         problems = points.problems
         if self._image_folder is not None:
             problems += missing_image(self._images[position], number, self._image_folder)

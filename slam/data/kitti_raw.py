@@ -52,7 +52,7 @@ class KittiRaw(KittiDrive):
             raise InputError(f"{times}: the times do not rise at scan {line} of {len(clock)}; copy the file afresh")
         self.calibration, uncalibrated = self._read_calibration()
         self.ground_truth, untrue = self._read_ground_truth(clock[0])
-        self.problems = (*gaps(self.numbers, path / "velodyne_points"), *uncalibrated, *untrue)
+        self.problems = (*self._told, *gaps(self.numbers, path / "velodyne_points"), *uncalibrated, *untrue)
 
     def _find(self, name: str) -> Path | None:
         """A calibration file: KITTI has it at the level of the date, some copies inside the drive."""
