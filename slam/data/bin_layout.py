@@ -124,6 +124,11 @@ def layout_of(samples: Sequence[tuple[bytes, int]]) -> Layout | None:
 
     Few points tell little: then it is KITTI's where that is plausible.
     """
+    with np.errstate(all="ignore"):  # numbers of another layout are anything
+        return _layout_of(samples)
+
+
+def _layout_of(samples: Sequence[tuple[bytes, int]]) -> Layout | None:
     unclear = None
     for kind in (np.dtype("<f4"), np.dtype("<f8")):  # numbers of 8 bytes seldom look like such of 4
         scores = {width: score for width in WIDTHS if (score := _score(samples, kind, width)) is not None}

@@ -90,8 +90,8 @@ class Columns:
             lines = list(islice(lines_of(file), min(LINES, count - read)))
             if not lines:
                 break
-            if read + len(lines) < count and not lines[-1].endswith(b"\n"):
-                lines.pop()  # cut in the middle, maybe in the middle of a number
+            if not lines[-1].endswith(b"\n") and (read + len(lines) < count or not self._whole(lines[-1])):
+                lines.pop()  # cut short, maybe in the middle of a number
             for block, bad in self._parsed(lines, damaged):
                 damaged += bad
                 yield block
@@ -100,6 +100,13 @@ class Columns:
             content.cut_short(read - damaged, count)
         if damaged:
             content.faults.append(("damaged lines", f"{damaged} of {read} lines are not numbers; left out"))
+
+    def _whole(self, line: bytes) -> bool:
+        try:
+            self._table([line])
+        except ValueError:
+            return False
+        return True
 
     def _parsed(self, lines: list[bytes], damaged: int) -> Iterator[tuple[Block, int]]:
         """Blocks of the lines, each with the number of lines left out; halves where something is wrong."""

@@ -70,6 +70,8 @@ class _Gathering:
         self.columns: dict[str, Array] = {}
 
     def add(self, block: Block, organised: bool) -> None:
+        if not block.keys() >= {"x", "y", "z"}:
+            raise UnreadableError("its coordinates are no numbers, one a point")
         axes = [block[axis] for axis in "xyz"]
         size, room = len(axes[0]), self.xyz[self.kept : self.kept + len(axes[0])]
         if self.offset is None:
