@@ -20,6 +20,7 @@ from slam.data.files import (
     read_numbers,
     rows_by_number,
 )
+from slam.data.first_scans import reading_of
 from slam.data.point_files import SUFFIXES, Points, read_points
 from slam.data.pose_files import read_poses
 from slam.data.problem import Problem
@@ -45,6 +46,7 @@ class UserFolder:
     Args:
         path: The folder.
         sensor: Overrides what sensor.yaml says of the LiDAR.
+        columns: Of .bin and .npy files (see `reading_of`). By default their numbers tell.
         stamp: The instant of a sweep that stamps belong to, 'start', 'middle' or 'end'. By default the points' times
             tell.
         point_time: The field with the points' times, FIELD or FIELD:UNIT. By default the first that can have them.
@@ -61,6 +63,7 @@ class UserFolder:
         self,
         path: Path,
         sensor: str | Path | None = None,
+        columns: str | None = None,
         *,
         stamp: str | None = None,
         point_time: str | None = None,
@@ -73,6 +76,7 @@ class UserFolder:
         if len(kinds) != 1:
             fault = f"scans of several kinds ({', '.join(kinds)}); keep one" if kinds else "no scans in it"
             raise InputError(f"{path}: {fault}; {', '.join(SUFFIXES)} files are read")
+        self.reading, told = reading_of(self._files, columns)
         self.sensor = sensor_of_folder(path, sensor)
         said = conventions_of_folder(path, sensor).said(stamp, point_time)
         step = max(int(np.median(np.diff(self.numbers))), 1) if len(self) > 1 else 1
@@ -88,14 +92,14 @@ class UserFolder:
         self._image_folder, self._images = self._match_images(known_times=not slow)
         self.ground_truth, untrue = self._read_ground_truth(known_times=not slow)
         missing = gaps(self.numbers, self._files[0].parent, step)
-        self.problems = (*missing, *unusual, *slow, *self._columns.problems, *uncalibrated, *untrue)
+        self.problems = (*told, *missing, *unusual, *slow, *self._columns.problems, *uncalibrated, *untrue)
 
     def __len__(self) -> int:
         return len(self._files)
 
     def __getitem__(self, position: int) -> Frame:
         number = int(self.numbers[position])
-        points = self._points(position)
+        points = read_points(self._files[position], self.reading)
         cloud, odd = self._columns.cloud(points, float(self.stamps[position]), self._files[position])
         problems = points.problems + odd
         if self._image_folder is not None:
@@ -109,21 +113,11 @@ class UserFolder:
             problems=problems,
         )
 
-    def _points(self, position: int) -> Points:
-        """A scan as its file has it. What is wrong with a single one does not end a drive: it is empty, and told."""
-        try:
-            return read_points(self._files[position])
-        except InputError as error:
-            if position in (0, -len(self)):
-                raise
-            problem = Problem("missing scan", f"{error}; no points used")
-            return Points(np.zeros((0, 3), np.float32), problems=(problem,))
-
     def _first_scans(self, stamps: Array | None) -> list[tuple[Points, float | None]]:
         """Those with points, and their stamps where they were recorded."""
         found: list[tuple[Points, float | None]] = []
         for position in range(min(len(self), LOOKED_AT)):
-            points = self._points(position)
+            points = read_points(self._files[position], self.reading)
             if len(points.xyz):
                 found.append((points, None if stamps is None else float(stamps[position])))
             if len(found) == SAMPLES:
