@@ -12,6 +12,7 @@ from slam import degeneracy
 from slam.cell_sizes import Sizes
 from slam.data import se3
 from slam.data.cloud import Array, Calibration, PointCloud
+from slam.data.point_times import PointTimes
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
 from slam.mapper import MappingResult
@@ -64,6 +65,8 @@ class Source:
         calibration: The camera beside the LiDAR, None without one.
         positions: Which frames of the data set are run, None in a live run.
         ground_truth: (N, 4, 4) T_world_lidar of these frames, NaN where unknown, or None.
+        point_times: The verdict on the times of the drive's points, None where nobody gave one.
+        stamps_from: Where the scans' stamps are from, None where nobody said.
     """
 
     name: str = "live"
@@ -72,6 +75,8 @@ class Source:
     calibration: Calibration | None = None
     positions: range | None = None
     ground_truth: Array | None = None
+    point_times: PointTimes | None = None
+    stamps_from: str | None = None
 
 
 @dataclass(eq=False)
@@ -82,7 +87,7 @@ class Run:
         source: Where the scans came from.
         config: The settings.
         vertical_correction: Angle [rad] that every elevation was raised by.
-        deskewed: Whether any scan was deskewed.
+        timed: How many scans had points with times, and were deskewed.
         sizes: Of the odometry's cells and thinning, from the settings or the first scan; None where poses are recorded.
         mapping: Keyframes, loops and map, None while frames are still being added.
         milliseconds: Of the stages behind the odometry (map, loops, back_end), a figure a keyframe or frame.
@@ -93,7 +98,7 @@ class Run:
     source: Source
     config: Config
     vertical_correction: float
-    deskewed: bool = False
+    timed: int = 0
     sizes: Sizes | None = None
     mapping: MappingResult | None = None
     milliseconds: dict[str, list[float]] = field(default_factory=dict)
@@ -124,6 +129,20 @@ class Run:
     def ground_truth(self) -> Array | None:
         """(N, 4, 4) of the same frames, NaN where unknown, or None."""
         return self.source.ground_truth
+
+    @property
+    def deskewed(self) -> bool:
+        """Whether any scan was."""
+        return self.timed > 0
+
+    def times(self) -> str:
+        """What the points' times were taken for, in one line."""
+        frames = len(self.records)
+        if self.config.front_end.deskew is False:
+            return "point times: not used (front_end.deskew is false)"
+        if self.source.point_times is None:
+            return f"point times: seconds from the stamp, as given, in {self.timed} of {frames} scans"
+        return self.source.point_times.verdict(self.timed, frames)
 
     def counts(self) -> dict[str, int]:
         """Frames by their status, and problems by their kind."""

@@ -14,8 +14,6 @@ from slam.data.errors import InputError
 from slam.data.problem import Problem, spans
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
-#: No LiDAR sees farther [m]: larger coordinates come from damaged files.
-FARTHEST = 1e4
 SCAN_PERIOD = 0.1
 
 log = logging.getLogger(__name__)
@@ -45,44 +43,6 @@ def gaps(numbers: Array, folder: Path, step: int = 1) -> tuple[Problem, ...]:
     return (Problem("gap in numbering", text),)
 
 
-def read_bin(path: Path) -> tuple[Array, Array, tuple[Problem, ...]]:
-    """Points (N, 3) and reflectance (N,), float32, of a file of float32 x, y, z [m], reflectance; and its problems.
-
-    What is damaged is left out and reported: bytes after the last whole point, points that are not finite. A file
-    that cannot be read or holds nothing gives no points.
-    """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        problem = Problem("missing scan", f"{path}: cannot be read ({error.strerror or error}); no points used")
-        return np.zeros((0, 3), np.float32), np.zeros(0, np.float32), (problem,)
-    problems: list[Problem] = []
-    whole, left = divmod(len(data), 16)
-    if left:
-        text = f"{path}: cut short; its first {whole} points are used, {left} bytes of the next are left over"
-        problems.append(Problem("truncated scan", text))
-    points = np.frombuffer(data, np.float32, 4 * whole).reshape(-1, 4)
-    sound, found = sound_points(path, points[:, :3])
-    if found:
-        points = points[sound]
-    if len(points) == 0:
-        problems.append(Problem("empty scan", f"{path}: no points in it"))
-    intensity = np.ascontiguousarray(points[:, 3])
-    if not np.isfinite(intensity.sum()):
-        intensity = np.nan_to_num(intensity)
-    return np.ascontiguousarray(points[:, :3]), intensity, (*problems, *found)
-
-
-def sound_points(path: Path, xyz: Array) -> tuple[Array, tuple[Problem, ...]]:
-    """Which of the points (N, 3) are finite and in this world, (N,) bool, and a Problem that counts the others."""
-    if len(xyz) == 0 or np.abs(xyz).max() < FARTHEST:  # false where there is a NaN
-        return np.ones(len(xyz), bool), ()
-    sound = np.asarray((np.abs(xyz) < FARTHEST).all(axis=1))
-    bad = len(sound) - int(np.count_nonzero(sound))
-    text = f"{path}: {bad} of {len(xyz)} points are not finite, or farther than {FARTHEST / 1000:g} km; left out"
-    return sound, (Problem("non-finite points", text),)
-
-
 def image_reader(path: Path | None) -> Callable[[], Array | None]:
     """A function that reads the image (H, W, 3) uint8 RGB; it gives None without a path or for a damaged file."""
 
@@ -109,14 +69,24 @@ def missing_image(path: Path | None, number: int, folder: Path) -> tuple[Problem
 
 def rows_by_number(rows: Array, numbers: Array, path: Path) -> Array:
     """The rows of a text file that belong to the scans `numbers` (N,): a file holds a row for every scan there is, or
-    for every number from 0 on. Raises InputError where it is neither."""
+    for every number, from 0 or from the first one on. Rows that are NaN or NaT, of empty lines, keep the place of a
+    number that is missing, or mean nothing. Raises InputError where there is neither."""
+    if len(numbers) == 0:
+        return rows[:0]
+    blank, first, last = rows != rows, numbers[0], numbers[-1]
+    if blank.any() and len(rows) > last and not blank[numbers].any():
+        return rows[numbers]
+    if blank.any() and len(rows) - int(blank.sum()) == len(numbers):
+        return rows[~blank]
     if len(rows) == len(numbers):
         return rows
-    if len(numbers) and len(rows) > numbers[-1]:
+    if len(rows) > last:
         return rows[numbers]
-    last = f", the last is number {numbers[-1]}" if len(numbers) else ""
+    if len(rows) == last - first + 1:
+        return rows[numbers - first]
     raise InputError(
-        f"{path}: {len(rows)} rows for {len(numbers)} scans{last}; a row is needed for every scan, or for every number"
+        f"{path}: {len(rows)} rows for {len(numbers)} scans, the last is number {last}; "
+        "a row is needed for every scan, or for every number"
     )
 
 
