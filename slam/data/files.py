@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,27 @@ def files_by_number(folder: Path, suffixes: Iterable[str]) -> dict[int, Path]:
 def natural_key(path: Path) -> list[tuple[int, str]]:
     """Sorts scan2 before scan10."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.findall(r"[0-9]+|[^0-9]+", path.name)]
+
+
+def numbers_of(files: list[Path]) -> Array:
+    """(N,) int64: the last number in each name where these rise, else 0, 1, ..."""
+    found = [[text for text, _ in natural_key(Path(file.stem)) if text >= 0] for file in files]
+    numbers = [digits[-1] for digits in found if digits]
+    rising = all(before < after for before, after in pairwise(numbers))
+    if len(numbers) == len(files) and rising and numbers[-1] < 2**63:
+        return np.array(numbers, np.int64)
+    return np.arange(len(files))
+
+
+def read_times(path: Path, numbers: Array) -> Array:
+    """Stamps (N,) [s] of the files `numbers` (N,). Raises InputError where they do not rise or are not seconds."""
+    times = rows_by_number(read_numbers(path), numbers, path)
+    steps = np.diff(times)
+    if not (np.isfinite(times).all() and (steps > 0).all()):
+        raise InputError(f"{path}: times must rise from line to line; repair line {int(np.argmin(steps > 0)) + 2}")
+    if len(steps) and np.median(steps) > 100:
+        raise InputError(f"{path}: {np.median(steps):g} s from scan to scan; give seconds, not milli- or nanoseconds")
+    return times
 
 
 def gaps(numbers: Array, folder: Path, step: int = 1) -> tuple[Problem, ...]:

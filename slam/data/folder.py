@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from slam.data import se3
 from slam.data.beams import nearest_rings, recover_rings
 from slam.data.calibration_file import read_calibration
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
 from slam.data.files import (
-    IMAGE_SUFFIXES,
     SCAN_PERIOD,
     gaps,
     image_reader,
     missing_image,
     natural_key,
-    read_numbers,
-    rows_by_number,
+    numbers_of,
+    read_times,
 )
+from slam.data.ground_truth import read_ground_truth
+from slam.data.images import image_folder, match_images
 from slam.data.point_files import SUFFIXES, Points, read_points
-from slam.data.pose_files import read_poses
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor, sensor_of_folder
 
@@ -57,9 +55,10 @@ class UserFolder:
         step = max(int(np.median(np.diff(self.numbers))), 1) if len(self) > 1 else 1
         self.stamps, slow = self._read_stamps(step)
         self.calibration, uncalibrated = self._read_calibration()
-        self._image_folder, self._images = self._match_images(known_times=not slow)
-        self.ground_truth, untrue = self._read_ground_truth(known_times=not slow)
-        self.problems = (*gaps(self.numbers, self._files[0].parent, step), *slow, *uncalibrated, *untrue)
+        self._image_folder = image_folder(path)
+        self._images, unmatched = match_images(path, self._files, self.stamps, known_times=not slow)
+        self.ground_truth, untrue = read_ground_truth(path, self.stamps, self.numbers, known_times=not slow)
+        self.problems = (*gaps(self.numbers, self._files[0].parent, step), *slow, *uncalibrated, *unmatched, *untrue)
 
     def __len__(self) -> int:
         return len(self._files)
@@ -91,49 +90,13 @@ class UserFolder:
     def _read_calibration(self) -> tuple[Calibration | None, tuple[Problem, ...]]:
         if (self.path / "calib.yaml").is_file():
             return read_calibration(self.path / "calib.yaml"), ()
-        if any((self.path / name).is_dir() for name in IMAGE_FOLDERS):
+        if image_folder(self.path):
             text = f"{self.path}: images, but no calib.yaml (K, T_camera_lidar); the camera is not used"
             return None, (Problem("no calibration", text),)
         return None, ()
 
-    def _match_images(self, known_times: bool) -> tuple[Path | None, list[Path | None]]:
-        """The image folder, and for each scan its image: the nearest within half a scan's period, or its namesake."""
-        folder = next((self.path / name for name in IMAGE_FOLDERS if (self.path / name).is_dir()), None)
-        if folder is None:
-            return None, [None] * len(self)
-        files = sorted((path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES), key=natural_key)
-        times = folder / "times.txt"
-        if files and times.is_file() and known_times:
-            stamps = read_times(times, numbers_of(files))
-            nearest = np.abs(stamps[:, None] - self.stamps).argmin(axis=0)
-            period = float(np.median(np.diff(self.stamps))) if len(self) > 1 else SCAN_PERIOD
-            near = np.abs(stamps[nearest] - self.stamps) <= period / 2
-            return folder, [files[at] if close else None for at, close in zip(nearest, near, strict=True)]
-        by_name = {path.stem: path for path in files}
-        return folder, [by_name.get(file.stem) for file in self._files]
-
-    def _read_ground_truth(self, known_times: bool) -> tuple[Array | None, tuple[Problem, ...]]:
-        path = self.path / "poses.txt"
-        if not path.is_file():
-            return None, ()
-        stamps, poses = read_poses(path)
-        truth = np.full((len(self), 4, 4), np.nan)
-        if stamps is not None and known_times:
-            if len(stamps) < 2 or (np.diff(stamps) <= 0).any():
-                raise InputError(f"{path}: the stamps of at least two poses, rising, are needed")
-            inside = (self.stamps >= stamps[0]) & (self.stamps <= stamps[-1])
-            truth[inside] = se3.interpolate(stamps, poses, self.stamps[inside])
-        elif len(poses) > self.numbers[-1] and len(poses) != len(self):
-            truth = poses[self.numbers]
-        else:
-            truth[: len(poses)] = poses[: len(self)]
-        lost = int(np.isnan(truth[:, 0, 0]).sum())
-        text = f"{path}: {len(poses)} poses for {len(self)} scans; {lost} scans are without truth"
-        return se3.from_first(truth), (Problem("poses shorter than scans", text),) if lost else ()
-
 
 SCAN_FOLDERS = ("scans", "velodyne", "points", ".")
-IMAGE_FOLDERS = ("images", "image_2")
 TIME_FILES = ("times.txt", "timestamps.txt")
 
 
@@ -145,27 +108,6 @@ def scans_in(path: Path) -> list[Path]:
             if files:
                 return sorted(files, key=natural_key)
     return []
-
-
-def numbers_of(files: list[Path]) -> Array:
-    """(N,) int64: the last number in each name where these rise, else 0, 1, ..."""
-    found = [[text for text, _ in natural_key(Path(file.stem)) if text >= 0] for file in files]
-    numbers = [digits[-1] for digits in found if digits]
-    rising = all(before < after for before, after in pairwise(numbers))
-    if len(numbers) == len(files) and rising and numbers[-1] < 2**63:
-        return np.array(numbers, np.int64)
-    return np.arange(len(files))
-
-
-def read_times(path: Path, numbers: Array) -> Array:
-    """Stamps (N,) [s] of the files `numbers` (N,). Raises InputError where they do not rise or are not seconds."""
-    times = rows_by_number(read_numbers(path), numbers, path)
-    steps = np.diff(times)
-    if not (np.isfinite(times).all() and (steps > 0).all()):
-        raise InputError(f"{path}: times must rise from line to line; repair line {int(np.argmin(steps > 0)) + 2}")
-    if len(steps) and np.median(steps) > 100:
-        raise InputError(f"{path}: {np.median(steps):g} s from scan to scan; give seconds, not milli- or nanoseconds")
-    return times
 
 
 def to_cloud(points: Points, sensor: Sensor | None, path: Path) -> PointCloud:
