@@ -1,10 +1,9 @@
-"""What the loaders share: numbered files, scans in KITTI's format, images read when asked for."""
+"""What the loaders share: numbered files, scans in KITTI's format."""
 
 from __future__ import annotations
 
-import logging
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,12 +13,9 @@ from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.problem import Problem, spans
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 #: No LiDAR sees farther [m]: larger coordinates come from damaged files.
 FARTHEST = 1e4
 SCAN_PERIOD = 0.1
-
-log = logging.getLogger(__name__)
 
 
 def files_by_number(folder: Path, suffixes: Iterable[str]) -> dict[int, Path]:
@@ -103,30 +99,6 @@ def sound_points(path: Path, xyz: Array) -> tuple[Array, tuple[Problem, ...]]:
     bad = len(sound) - int(np.count_nonzero(sound))
     text = f"{path}: {bad} of {len(xyz)} points are not finite, or farther than {FARTHEST / 1000:g} km; left out"
     return sound, (Problem("non-finite points", text),)
-
-
-def image_reader(path: Path | None) -> Callable[[], Array | None]:
-    """A function that reads the image (H, W, 3) uint8 RGB; it gives None without a path or for a damaged file."""
-
-    def read() -> Array | None:
-        if path is None:
-            return None
-        import cv2  # takes a while to import, and a LiDAR alone does not need it
-
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-        if image is None:
-            log.warning("%s: not an image that can be read; this frame has none", path)
-            return None
-        return np.ascontiguousarray(image[:, :, ::-1])
-
-    return read
-
-
-def missing_image(path: Path | None, number: int, folder: Path) -> tuple[Problem, ...]:
-    """A Problem where a data set with images has none, or an empty file, for this scan."""
-    if path is not None and path.exists() and path.stat().st_size > 0:
-        return ()
-    return (Problem("missing image", f"{folder}: no image for scan {number}; its points stay without colour"),)
 
 
 def rows_by_number(rows: Array, numbers: Array, path: Path) -> Array:

@@ -13,14 +13,12 @@ from slam.data.errors import InputError
 from slam.data.files import (
     SCAN_PERIOD,
     gaps,
-    image_reader,
-    missing_image,
     natural_key,
     numbers_of,
     read_times,
 )
 from slam.data.ground_truth import read_ground_truth
-from slam.data.images import image_folder, match_images
+from slam.data.images import image_folder, image_problems, match_images, no_image
 from slam.data.point_files import SUFFIXES, Points, read_points
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor, sensor_of_folder
@@ -55,26 +53,40 @@ class UserFolder:
         step = max(int(np.median(np.diff(self.numbers))), 1) if len(self) > 1 else 1
         self.stamps, slow = self._read_stamps(step)
         self.calibration, uncalibrated = self._read_calibration()
-        self._image_folder = image_folder(path)
-        self._images, unmatched = match_images(path, self._files, self.stamps, known_times=not slow)
-        self.ground_truth, untrue = read_ground_truth(path, self.stamps, self.numbers, known_times=not slow)
-        self.problems = (*gaps(self.numbers, self._files[0].parent, step), *slow, *uncalibrated, *unmatched, *untrue)
+        self._image_folder, self._images, unmatched = match_images(
+            path, self._files, self.numbers, self.stamps, known_times=not slow
+        )
+        truth = read_ground_truth(path, self.stamps, self.numbers, known_times=not slow)
+        self.ground_truth, self.truth_readings = truth.poses, truth.readings
+        self.problems = (
+            *gaps(self.numbers, self._files[0].parent, step),
+            *slow,
+            *uncalibrated,
+            *unmatched,
+            *truth.problems,
+        )
 
     def __len__(self) -> int:
         return len(self._files)
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """What the drive is read from: nothing may be written there."""
+        images = () if self._image_folder is None else (self._image_folder,)
+        return (self.path, self._files[0].parent, *images)
 
     def __getitem__(self, position: int) -> Frame:
         number = int(self.numbers[position])
         points = read_points(self._files[position])
         problems = points.problems
         if self._image_folder is not None:
-            problems += missing_image(self._images[position], number, self._image_folder)
+            problems += image_problems(self._images[position], number, self._image_folder)
         return Frame(
             index=number,
             stamp=float(self.stamps[position]),
             cloud=to_cloud(points, self.sensor, self._files[position]),
             calibration=self.calibration,
-            read_image=image_reader(self._images[position]),
+            read_image=self._images[position] or no_image,
             problems=problems,
         )
 

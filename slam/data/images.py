@@ -1,16 +1,80 @@
-"""The camera's images beside the scans of a folder."""
+"""The camera's images: which belongs to which scan, and how they are read."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from slam.data.cloud import Array
-from slam.data.files import IMAGE_SUFFIXES, SCAN_PERIOD, natural_key, numbers_of, read_times
+from slam.data.files import SCAN_PERIOD, natural_key, numbers_of, read_times
 from slam.data.problem import Problem
 
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 IMAGE_FOLDERS = ("images", "image_2")
+TIME_FILES = ("times.txt", "timestamps.txt")
+#: How whole files begin, and what stands within TAIL bytes of their end: PNG's last chunk, JPEG's end of image.
+MARKS = ((b"\x89PNG\r\n\x1a\n", b"IEND"), (b"\xff\xd8\xff", b"\xff\xd9"))
+TAIL = 4096
+DEPTHS = (10, 12, 14, 16)  # bits that cameras put into 16
+
+
+class ImageFile:
+    """Reads an image, (H, W, 3) uint8 RGB as its pixels are stored, whatever orientation a tag in it asks for.
+
+    It gives None for a damaged file; `problem` says so once that is known.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.problem: Problem | None = None
+
+    def __call__(self) -> Array | None:
+        """The image."""
+        import cv2  # takes a while to import, and a LiDAR alone does not need it
+
+        image = None
+        if (fault := self._fault()) is None:
+            image = cv2.imread(str(self.path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
+            fault = "its contents cannot be decoded" if image is None else None
+        if image is None:
+            self.problem = self.problem or _damaged(self.path, str(fault))
+            return None
+        return np.ascontiguousarray(_eight_bits(image)[:, :, ::-1])
+
+    def check(self) -> Problem | None:
+        """What is wrong with the file by its beginning and end; the pixels are not looked at."""
+        if self.problem is None and (fault := self._fault()):
+            self.problem = _damaged(self.path, fault)
+        return self.problem
+
+    def _fault(self) -> str | None:
+        try:
+            with self.path.open("rb") as file:
+                head = file.read(16)
+                file.seek(0, 2)
+                file.seek(max(file.tell() - TAIL, 0))
+                tail = file.read()
+        except OSError as error:
+            return f"cannot be read ({error.strerror or error})"
+        for begin, end in MARKS:
+            if head.startswith(begin):
+                return None if end in tail else "cut short"
+        return "neither PNG nor JPEG" if head else "nothing in it"
+
+
+def no_image() -> Array | None:
+    """Of a scan that has none."""
+    return None
+
+
+def image_problems(image: ImageFile | None, number: int, folder: Path) -> tuple[Problem, ...]:
+    """A Problem where a data set with images has none, an empty or a damaged file for this scan."""
+    if image is None or (image.path.is_file() and image.path.stat().st_size == 0):
+        return (Problem("missing image", f"{folder}: no image for scan {number}; its points stay without colour"),)
+    problem = image.check()
+    return () if problem is None else (problem,)
 
 
 def image_folder(path: Path) -> Path | None:
@@ -19,29 +83,47 @@ def image_folder(path: Path) -> Path | None:
 
 
 def match_images(
-    path: Path, files: list[Path], stamps: Array, known_times: bool
-) -> tuple[list[Path | None], tuple[Problem, ...]]:
+    path: Path, scans: Sequence[Path], numbers: Array, stamps: Array, known_times: bool
+) -> tuple[Path | None, list[ImageFile | None], tuple[Problem, ...]]:
     """For each scan its image: the nearest within half a scan's period, or its namesake.
 
     Args:
         path: The drive's folder.
-        files: The N scans.
+        scans: The N files.
+        numbers: (N,) int64, the numbers in their names.
         stamps: (N,) [s].
         known_times: Whether the stamps were recorded, not assumed.
 
     Returns:
-        The image of each scan, None where it has none, and what is wrong with the images as a whole.
+        The folder of the images, None where there are none to use; the image of each scan, or None; and what is wrong
+        with the images as a whole.
     """
+    del numbers
     folder = image_folder(path)
     if folder is None:
-        return [None] * len(files), ()
-    images = sorted((path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES), key=natural_key)
+        return None, [None] * len(scans), ()
+    images = sorted((file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES), key=natural_key)
     times = folder / "times.txt"
     if images and times.is_file() and known_times:
         taken = read_times(times, numbers_of(images))
         nearest = np.abs(taken[:, None] - stamps).argmin(axis=0)
         period = float(np.median(np.diff(stamps))) if len(stamps) > 1 else SCAN_PERIOD
         near = np.abs(taken[nearest] - stamps) <= period / 2
-        return [images[at] if close else None for at, close in zip(nearest, near, strict=True)], ()
-    by_name = {path.stem: path for path in images}
-    return [by_name.get(file.stem) for file in files], ()
+        found = [images[at] if close else None for at, close in zip(nearest, near, strict=True)]
+    else:
+        by_name = {image.stem: image for image in images}
+        found = [by_name.get(scan.stem) for scan in scans]
+    return folder, [None if image is None else ImageFile(image) for image in found], ()
+
+
+def _damaged(path: Path, fault: str) -> Problem:
+    return Problem("damaged image", f"{path}: {fault}; this scan's points stay without colour")
+
+
+def _eight_bits(image: Array) -> Array:
+    """An image of 16 bits as one of 8, by the bits that its brightest pixel shows to be in use."""
+    if image.dtype == np.uint8:
+        return image
+    brightest = int(image.max())
+    depth = next(bits for bits in DEPTHS if brightest < 1 << bits)
+    return (image >> (depth - 8)).astype(np.uint8)

@@ -9,7 +9,8 @@ import numpy as np
 from slam.data.beams import rings_in_file_order, sweep_fraction
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
-from slam.data.files import IMAGE_SUFFIXES, files_by_number, image_reader, missing_image, read_bin
+from slam.data.files import files_by_number, read_bin
+from slam.data.images import IMAGE_SUFFIXES, ImageFile, image_problems, no_image
 from slam.data.sensor import Sensor
 
 
@@ -38,15 +39,15 @@ class KittiDrive:
         xyz, intensity, problems = read_bin(self._scans[number])
         ring, odd = rings_in_file_order(xyz, self.sensor, self._scans[number])
         time = None if self.sensor.motion_compensated else sweep_fraction(xyz)
-        image = self._images.get(number)
+        image = ImageFile(self._images[number]) if number in self._images else None
         if self._images:
-            problems += missing_image(image, number, self._image_folder)
+            problems += image_problems(image, number, self._image_folder)
         return Frame(
             index=number,
             stamp=float(self.stamps[position]),
             cloud=PointCloud(xyz, intensity, ring, time),
             calibration=self.calibration,
-            read_image=image_reader(image),
+            read_image=image or no_image,
             problems=problems + odd,
         )
 
