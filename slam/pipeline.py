@@ -15,6 +15,7 @@ import numpy as np
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import Dataset, chosen_positions
 from slam.data.errors import InputError
+from slam.data.images import ImageFile
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
 from slam.data.stamps import stamp_problems
@@ -75,6 +76,7 @@ class Slam:
         )
         self._mapper = Mapper(config)
         self._waiting: list[tuple[int, Frame, PointCloud]] = []  # whose poses are provisional, with their positions
+        self._images: list[ImageFile] = []  # that seemed sound, and may turn out to be damaged when they are read
         self._sweep_duration, self._strict = sweep_duration, strict
 
     def __enter__(self) -> Self:
@@ -109,7 +111,10 @@ class Slam:
         problems = (*frame.problems, *stamp_problems(frame, before, self._sweep_duration))
         _refuse(problems, self._strict)
         self.result.problems.extend(problems)
+        if isinstance(frame.read_image, ImageFile) and frame.read_image.problem is None:
+            self._images.append(frame.read_image)
         tracked = self._tracker(frame)
+        self._note_images(self._images[-1:])
         self.result.deskewed |= tracked.timed
         self.result.sizes = self._tracker.sizes
 
@@ -146,7 +151,16 @@ class Slam:
             self._hand_on(self._tracker.settle())
             self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
             self._mapper.close()
+            self._note_images(self._images)
         return self.result
+
+    def _note_images(self, images: Sequence[ImageFile]) -> None:
+        """What reading showed of images that seemed sound is a problem of the run, once."""
+        found = [image for image in images if image.problem]
+        problems = [image.problem for image in found if image.problem]
+        self._images = [image for image in self._images if image not in found] if found else self._images
+        _refuse(problems, self._strict)
+        self.result.problems.extend(problems)
 
 
 class Pipeline:
@@ -168,6 +182,7 @@ class Pipeline:
         strict: bool = False,
         on_frame: Callable[[FrameRecord], None] | None = None,
         on_odometry: Callable[[Run], None] | None = None,
+        on_stop: Callable[[Run], None] | None = None,
     ) -> Run:
         """Feed the frames of a data set to `Slam`.
 
@@ -179,6 +194,8 @@ class Pipeline:
             on_frame: Called after each frame.
             on_odometry: Called when all frames are registered. Judging the loops and building the map follow, and may
                 take minutes.
+            on_stop: Called with what is known where an exception, Ctrl-C among them, ends the run before that; not
+                where `strict` does, which asks for all or nothing.
 
         Raises:
             InputError: No frames are left, a step asks for what the data do not have, or `strict` met a problem.
@@ -191,13 +208,20 @@ class Pipeline:
         odometry = recorded.steps(positions, **about) if recorded else None
         front_end = self.make_front_end() if self.make_front_end else None
         slam = Slam(self.config, front_end, source=source, sweep_duration=sweep, odometry=odometry, strict=strict)
-        _refuse(dataset.problems, strict)
-        slam.result.problems.extend(dataset.problems)
+        problems = (*dataset.problems, *(recorded.problems if recorded else ()))
+        _refuse(problems, strict)
+        slam.result.problems.extend(problems)
         with slam:
-            for position, (frame, load) in zip(positions, _read_ahead(dataset, positions), strict=True):
-                record = slam.add(recorded.stamped(frame, position) if recorded else frame, load)
-                if on_frame:
-                    on_frame(record)
+            try:
+                for position, (frame, load) in zip(positions, _read_ahead(dataset, positions), strict=True):
+                    record = slam.add(recorded.stamped(frame, position) if recorded else frame, load)
+                    if on_frame:
+                        on_frame(record)
+            except BaseException as error:
+                if on_stop and not isinstance(error, RefusedError):
+                    on_stop(slam.result)
+                raise
+            slam.result.settle_truth()
             if on_odometry:
                 on_odometry(slam.result)
             return slam.finish()
@@ -218,7 +242,8 @@ def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
     """The frames of a data set as the source of a run. Raises InputError where none are left."""
     positions = chosen_positions(dataset, frames)
     truth = None if dataset.ground_truth is None else dataset.ground_truth[positions]
-    return Source(dataset.name, dataset.path, dataset.sensor, dataset.calibration, positions, truth)
+    readings = {order: poses[positions] for order, poses in getattr(dataset, "truth_readings", {}).items()}
+    return Source(dataset.name, dataset.path, dataset.sensor, dataset.calibration, positions, truth, readings)
 
 
 def vertical_correction(settings: FrontEndSettings, sensor: Sensor | None) -> float:
@@ -243,9 +268,13 @@ def sweep_duration(dataset: Dataset, stamps: Array | None = None) -> float:
     return duration if duration > 0 else SWEEP
 
 
+class RefusedError(InputError):
+    """The data have a problem, and the caller asked to stop at the first."""
+
+
 def _refuse(problems: Sequence[Problem], strict: bool) -> None:
     if strict and problems:
-        raise InputError(problems[0].message)
+        raise RefusedError(problems[0].message)
 
 
 def _read_ahead(dataset: Dataset, positions: range) -> Iterator[tuple[Frame, float]]:

@@ -34,6 +34,11 @@ class KittiDrive:
     def __len__(self) -> int:
         return len(self.numbers)
 
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """What the drive is read from: nothing may be written there."""
+        return (self.path, next(iter(self._scans.values())).parent, self._image_folder)
+
     def __getitem__(self, position: int) -> Frame:
         number = int(self.numbers[position])
         xyz, intensity, problems = read_bin(self._scans[number])

@@ -13,6 +13,10 @@ from slam.data.errors import InputError
 from slam.data.sensor_names import SENSORS
 from slam.data.yaml_files import numbers, read_mapping, suggest
 
+ABOUT_LIDAR = ("model", "beams", "vertical_correction_deg", "motion_compensated")
+#: Keys of a folder's sensor.yaml that say something of the data beside it, and their values.
+ABOUT_DATA = {"quaternion": ("xyzw", "wxyz")}
+
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
@@ -53,8 +57,9 @@ def load_sensor(name_or_file: str | Path) -> Sensor:
     """The built-in sensor of that name (one of SENSORS), or the one that a YAML file describes.
 
     Keys of the file: `model`, a built-in name or, with `beams`, any; `beams`, a list of [elevation_deg, offset_m] or
-    [elevation_deg, offset_m, azimuth_deg], top first; `vertical_correction_deg`; `motion_compensated`. Raises
-    InputError on an unknown name or key, with the nearest right one, and on values that make no sense.
+    [elevation_deg, offset_m, azimuth_deg], top first; `vertical_correction_deg`; `motion_compensated`; and ABOUT_DATA,
+    for `about_data`. Raises InputError on an unknown name or key, with the nearest right one, and on values that make
+    no sense.
     """
     return _from_file(Path(name_or_file)) if _is_file(name_or_file) else _built_in(str(name_or_file), "")
 
@@ -78,7 +83,7 @@ def _bare(name: str) -> str:
 
 
 def _from_file(path: Path) -> Sensor:
-    content = read_mapping(path, ("model", "beams", "vertical_correction_deg", "motion_compensated"))
+    content = read_mapping(path, (*ABOUT_LIDAR, *ABOUT_DATA))
     name = str(content.get("model", path.stem))
     if "beams" in content:
         sensor = _from_beams(path, name, content["beams"])
@@ -110,13 +115,26 @@ def sensor_of_folder(folder: Path, override: str | Path | None, default: Sensor 
     compensation stay.
     """
     path = folder / "sensor.yaml"
-    own = load_sensor(path) if path.is_file() else default
+    told = path.is_file() and not set(read_mapping(path, (*ABOUT_LIDAR, *ABOUT_DATA))) <= set(ABOUT_DATA)
+    own = load_sensor(path) if told else default
     if override is None:
         return own
     sensor = load_sensor(override)
     if own is None or _is_file(override):
         return sensor
     return replace(sensor, vertical_correction=own.vertical_correction, motion_compensated=own.motion_compensated)
+
+
+def about_data(folder: Path, key: str) -> str | None:
+    """What the sensor.yaml of a data set's folder says of the data, by one of the keys ABOUT_DATA; None where nothing.
+
+    Raises InputError on a value that the key does not have.
+    """
+    path = folder / "sensor.yaml"
+    value = read_mapping(path, (*ABOUT_LIDAR, *ABOUT_DATA)).get(key) if path.is_file() else None
+    if value is not None and value not in ABOUT_DATA[key]:
+        raise InputError(f"{path}: '{key}' must be {' or '.join(ABOUT_DATA[key])}, not '{value}'")
+    return value
 
 
 def kitti_sensor(folder: Path, override: str | Path | None, motion_compensated: bool) -> Sensor:

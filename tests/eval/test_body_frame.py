@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from eval.body_frame import body_frame, into_lidar_frame, read_camera0_calibration, require_same_frame
+from eval.body_frame import read_camera0_calibration, require_same_frame
 from slam.data import se3
+from slam.data.body_frame import body_frame, into_lidar_frame
 from slam.data.errors import InputError
 
 #: The axes of camera 0 (x right, y down, z forward) in a LiDAR's (x forward, y left, z up), and a lever arm.
