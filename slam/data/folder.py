@@ -53,9 +53,7 @@ class UserFolder:
         step = max(int(np.median(np.diff(self.numbers))), 1) if len(self) > 1 else 1
         self.stamps, slow = self._read_stamps(step)
         self.calibration, uncalibrated = self._read_calibration()
-        self._image_folder, self._images, unmatched = match_images(
-            path, self._files, self.numbers, self.stamps, known_times=not slow
-        )
+        self._image_folder, self._images, unmatched = match_images(path, self._files, self.stamps, known_times=not slow)
         truth = read_ground_truth(path, self.stamps, self.numbers, known_times=not slow)
         self.ground_truth, self.truth_readings = truth.poses, truth.readings
         self.problems = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -83,14 +84,14 @@ def image_folder(path: Path) -> Path | None:
 
 
 def match_images(
-    path: Path, scans: Sequence[Path], numbers: Array, stamps: Array, known_times: bool
+    path: Path, scans: Sequence[Path], stamps: Array, known_times: bool
 ) -> tuple[Path | None, list[ImageFile | None], tuple[Problem, ...]]:
-    """For each scan its image: the nearest within half a scan's period, or its namesake.
+    """For each scan its image: the nearest in time, within half a scan's period, where the images have a times.txt or
+    are named by their stamps; else its namesake, or the one of its number.
 
     Args:
         path: The drive's folder.
         scans: The N files.
-        numbers: (N,) int64, the numbers in their names.
         stamps: (N,) [s].
         known_times: Whether the stamps were recorded, not assumed.
 
@@ -98,22 +99,47 @@ def match_images(
         The folder of the images, None where there are none to use; the image of each scan, or None; and what is wrong
         with the images as a whole.
     """
-    del numbers
     folder = image_folder(path)
     if folder is None:
         return None, [None] * len(scans), ()
-    images = sorted((file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES), key=natural_key)
-    times = folder / "times.txt"
-    if images and times.is_file() and known_times:
-        taken = read_times(times, numbers_of(images))
-        nearest = np.abs(taken[:, None] - stamps).argmin(axis=0)
-        period = float(np.median(np.diff(stamps))) if len(stamps) > 1 else SCAN_PERIOD
-        near = np.abs(taken[nearest] - stamps) <= period / 2
-        found = [images[at] if close else None for at, close in zip(nearest, near, strict=True)]
+    files = (file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES and file.name[0] != ".")
+    images = sorted(files, key=natural_key)
+    times = next((folder / name for name in TIME_FILES if (folder / name).is_file()), None)
+    if images and times is not None and known_times:
+        found = _nearest(images, read_times(times, numbers_of(images)), stamps)
     else:
-        by_name = {image.stem: image for image in images}
-        found = [by_name.get(scan.stem) for scan in scans]
-    return folder, [None if image is None else ImageFile(image) for image in found], ()
+        found = _by_name(images, scans)
+    if any(found):
+        return folder, [None if image is None else ImageFile(image) for image in found], ()
+    fault = f"none of {len(images)} images has a scan's name, number or time" if images else "no images in it"
+    text = f"{folder}: {fault}; the camera is not used. Name them like the scans, or give {folder.name}/times.txt"
+    return None, [None] * len(scans), (Problem("unmatched images", text),)
+
+
+def _nearest(images: Sequence[Path], taken: Array, stamps: Array) -> list[Path | None]:
+    """Of images at rising times (M,) the nearest to each stamp (N,), None beyond half a scan's period."""
+    after = np.searchsorted(taken, stamps).clip(max=len(taken) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(taken[before] - stamps) <= np.abs(taken[after] - stamps), before, after)
+    period = float(np.median(np.diff(stamps))) if len(stamps) > 1 else SCAN_PERIOD
+    near = np.abs(taken[nearest] - stamps) <= period / 2
+    return [images[at] if close else None for at, close in zip(nearest, near, strict=True)]
+
+
+def _by_name(images: Sequence[Path], scans: Sequence[Path]) -> list[Path | None]:
+    """The image of each scan's name; where no name agrees, the one with the same single number in it."""
+    names = {image.stem: image for image in images}
+    found = [names.get(scan.stem) for scan in scans]
+    if any(found):
+        return found
+    numbered = {_number(image): image for image in images if _number(image) is not None}
+    return [numbered.get(_number(scan)) for scan in scans]
+
+
+def _number(file: Path) -> int | None:
+    """The number in a name, None where there is none, more than one, or a stamp."""
+    digits = re.fullmatch(r"[^0-9]*([0-9]{1,9})[^0-9]*", file.stem)
+    return int(digits[1]) if digits else None
 
 
 def _damaged(path: Path, fault: str) -> Problem:
