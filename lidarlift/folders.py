@@ -27,6 +27,4 @@ def require_apart(out: Path, data: Dataset) -> None:
     drive = data.path.resolve()
     for folder in {path.resolve() for path in getattr(data, "folders", ())} | {drive}:
         if place == folder or (folder != drive and folder in place.parents):
-            raise InputError(
-                f"--out {out}: {folder} is what is read; choose another folder, for nothing may change there"
-            )
+            raise InputError(f"{out}: the drive is read from {folder}, where nothing may change; choose another folder")

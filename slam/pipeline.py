@@ -19,6 +19,7 @@ from slam.data.images import ImageFile
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
 from slam.data.stamps import stamp_problems
+from slam.data.world_frame import centre, world_frame_problem
 from slam.front_end import FrontEnd, RingFrontEnd
 from slam.mapper import Mapper
 from slam.odometry import Odometry, OdometryStep
@@ -77,6 +78,7 @@ class Slam:
         self._mapper = Mapper(config)
         self._waiting: list[tuple[int, Frame, PointCloud]] = []  # whose poses are provisional, with their positions
         self._images: list[ImageFile] = []  # that seemed sound, and may turn out to be damaged when they are read
+        self._centres: list[Array] = []
         self._sweep_duration, self._strict = sweep_duration, strict
 
     def __enter__(self) -> Self:
@@ -113,6 +115,7 @@ class Slam:
         self.result.problems.extend(problems)
         if isinstance(frame.read_image, ImageFile) and frame.read_image.problem is None:
             self._images.append(frame.read_image)
+        self._centres.append(centre(frame.cloud.xyz))
         tracked = self._tracker(frame)
         self._note_images(self._images[-1:])
         self.result.deskewed |= tracked.timed
@@ -152,6 +155,7 @@ class Slam:
             self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
             self._mapper.close()
             self._note_images(self._images)
+            self.result.problems.extend(world_frame_problem(np.array(self._centres), self.result.odometry_poses))
         return self.result
 
     def _note_images(self, images: Sequence[ImageFile]) -> None:

@@ -161,7 +161,8 @@ def _from_quaternions(path: Path, table: PoseTable, values: Array, order: str | 
     stamps = _seconds(table)
     if order:
         return Trajectory(readings[order], table.lines, stamps, order=order)
-    told = order_by_motion({way: poses[known] for way, poses in readings.items()}) if known.any() else None
+    in_time = np.argsort(np.where(known, stamps, np.inf), kind="stable")[: known.sum()]
+    told = order_by_motion({way: poses[in_time] for way, poses in readings.items()}) if known.any() else None
     return Trajectory(readings[told or "xyzw"], table.lines, stamps, readings=readings, order=told)
 
 

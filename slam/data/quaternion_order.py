@@ -18,8 +18,9 @@ ORDERS = ("xyzw", "wxyz")
 #: How a trajectory is cut into chords: at most so many, none shorter [m].
 CHORDS, SHORTEST = 200, 0.5
 ENOUGH = 8  # chords, before a file is read otherwise than TUM's format says
-CONSTANT = 0.9  # share of the squared way that is along one axis of the body
-CLEARLY = 0.15  # so much more of it than by the other order
+SIDEWAYS = 0.1  # share of the squared way that is not along the body's own axis of travel, at most
+#: By the other order it is so many times more, and at least so much: for TUM's order, and for the other.
+CLEARLY = {"xyzw": (4.0, 0.01), "wxyz": (10.0, 0.02)}
 FORWARD = 0.9  # cosine of the angle between the usual way and the body's x axis
 WINDOW = 10  # frames over which motions are compared: over one, the truth's noise may be larger than they are
 FITS = 0.2  # of the squared motion, the part in which another trajectory may differ
@@ -36,19 +37,21 @@ def as_rotations(quaternions: Array, order: str) -> Array:
 def order_by_motion(readings: Mapping[str, Array]) -> str | None:
     """The order by which the body moves along one of its axes; None where that does not tell.
 
-    Where both do, as on a straight road, the one that has the way along the body's x, as a LiDAR's is. Few poses are
-    never taken to be other than TUM's.
+    Where both do, as on a straight road, the one that has the way along the body's x, as a LiDAR's is; a car that
+    reverses by TUM's order may as well drive ahead by the other. Few poses are never taken to be other than TUM's.
 
     Args:
-        readings: Poses (N, 4, 4) by each of the two orders.
+        readings: Poses (N, 4, 4) by each of the two orders, in the order of time.
     """
     chords = {order: _chords(poses) for order, poses in readings.items()}
     if count := len(chords["xyzw"]):
-        constant = {order: float(np.linalg.eigvalsh(way.T @ way / count)[-1]) for order, way in chords.items()}
-        forward = {order: bool(way[:, 0].mean() > FORWARD) for order, way in chords.items()}
+        sideways = {order: 1 - float(np.linalg.eigvalsh(way.T @ way / count)[-1]) for order, way in chords.items()}
+        forward = {order: float(way[:, 0].mean()) for order, way in chords.items()}
         for order, other in (ORDERS, ORDERS[::-1]):
-            turned = constant[order] > CONSTANT and constant[order] - constant[other] > CLEARLY
-            if (turned or (forward[order] and not forward[other])) and (order == "xyzw" or count >= ENOUGH):
+            times, least = CLEARLY[order]
+            turned = sideways[order] < SIDEWAYS and sideways[other] > max(times * sideways[order], least)
+            ahead = forward[order] > FORWARD and (forward[other] if order == "xyzw" else abs(forward[other])) < FORWARD
+            if (turned or ahead) and (order == "xyzw" or count >= ENOUGH):
                 return order
     return "xyzw" if _difference(*readings.values()) < SAME else None
 
