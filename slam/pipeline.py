@@ -18,10 +18,11 @@ from slam.data.errors import InputError
 from slam.data.images import ImageFile
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
-from slam.data.stamps import stamp_problems
+from slam.data.stamps import stamp_problems, usual_step
 from slam.data.world_frame import centre, world_frame_problem
 from slam.front_end import FrontEnd, RingFrontEnd
 from slam.mapper import Mapper
+from slam.mid_sweep import MidSweepOdometry
 from slam.odometry import Odometry, OdometryStep
 from slam.recorded_odometry import RecordedOdometry
 from slam.run import FrameRecord, Run, Source
@@ -29,7 +30,8 @@ from slam.settings import Config, FrontEndSettings
 from slam.tracking import PoseSource, Tracker
 
 SWEEP = 0.1  # s; spinning LiDARs turn ten times a second
-LEAST_SWEEP = 0.04  # s; none turns faster
+LEAST_SWEEP = 0.04  # s; hardly one turns faster
+LONGEST_SPAN = 5.0  # sweeps that a scan's points may be apart
 
 
 class Slam:
@@ -44,7 +46,7 @@ class Slam:
         config: The settings; by default `Config()`.
         front_end: Makes the cloud that is registered, of this run alone; by default the rings that `config` asks for.
         source: Where the frames come from, for the run folder.
-        sweep_duration: Seconds that the LiDAR takes for one sweep.
+        sweep_duration: Seconds from scan to scan, where none is missing.
         odometry: What gives the poses; by default our odometry with the settings of `config`.
         strict: Stop at the first problem of a frame.
 
@@ -72,7 +74,8 @@ class Slam:
         self.result = Run(source, config, angle)
         self._tracker = Tracker(
             front_end or RingFrontEnd(config.front_end, source.sensor),
-            odometry or Odometry(config.odometry, sweep_duration=sweep_duration, vertical_correction=angle),
+            odometry
+            or MidSweepOdometry(Odometry(config.odometry, sweep_duration=sweep_duration, vertical_correction=angle)),
             config.front_end.deskew,
         )
         self._mapper = Mapper(config)
@@ -93,7 +96,8 @@ class Slam:
         """Register the next frame.
 
         Args:
-            frame: Points as recorded, in the sensor's frame, with their stamp, and the image beside them.
+            frame: Points as recorded, in the sensor's frame, with their stamp, and the image beside them. The pose is
+                that of the sensor at the stamp; the points' times count from there, in seconds.
             load_milliseconds: How long reading it took, for the timings.
 
         Returns:
@@ -101,14 +105,15 @@ class Slam:
             they may be put right a few frames later, in `result.records`.
 
         Raises:
-            InputError: The stamp is no number; deskewing was asked for and the points have no times; or `strict` met a
-                problem.
+            InputError: The stamp is no number; the points' times are no seconds; deskewing was asked for and the points
+                have no times; or `strict` met a problem.
             ValueError: `finish` was called before.
         """
         if self.result.mapping:
             raise ValueError("this run is finished; begin another one")
         if not np.isfinite(frame.stamp):
             raise InputError(f"frame {frame.index}: its stamp is {frame.stamp}; give the scan's time in seconds")
+        _check_times(frame, self._sweep_duration)
         before = self.result.records[-1] if self.result.records else None
         problems = (*frame.problems, *stamp_problems(frame, before, self._sweep_duration))
         _refuse(problems, self._strict)
@@ -118,7 +123,7 @@ class Slam:
         self._centres.append(centre(frame.cloud.xyz))
         tracked = self._tracker(frame)
         self._note_images(self._images[-1:])
-        self.result.deskewed |= tracked.timed
+        self.result.timed += tracked.timed
         self.result.sizes = self._tracker.sizes
 
         step, position = tracked.step, len(self.result.records)
@@ -246,8 +251,17 @@ def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
     """The frames of a data set as the source of a run. Raises InputError where none are left."""
     positions = chosen_positions(dataset, frames)
     truth = None if dataset.ground_truth is None else dataset.ground_truth[positions]
-    readings = {order: poses[positions] for order, poses in getattr(dataset, "truth_readings", {}).items()}
-    return Source(dataset.name, dataset.path, dataset.sensor, dataset.calibration, positions, truth, readings)
+    return Source(
+        dataset.name,
+        dataset.path,
+        dataset.sensor,
+        dataset.calibration,
+        positions,
+        truth,
+        {order: poses[positions] for order, poses in getattr(dataset, "truth_readings", {}).items()},
+        getattr(dataset, "point_times", None),
+        getattr(dataset, "stamps_from", None),
+    )
 
 
 def vertical_correction(settings: FrontEndSettings, sensor: Sensor | None) -> float:
@@ -258,18 +272,27 @@ def vertical_correction(settings: FrontEndSettings, sensor: Sensor | None) -> fl
 
 
 def sweep_duration(dataset: Dataset, stamps: Array | None = None) -> float:
-    """Seconds that one sweep takes: the median of the stamps' differences, missing frames reckoned with.
+    """Seconds from scan to scan, where none is missing: the usual step between the stamps.
 
-    `stamps` (N,) [s] take the place of the data set's own. Numbers that rise by more than one a sweep, as of files that
-    are named by their times, count no frames.
+    `stamps` (N,) [s] take the place of the data set's own. Of a drive with scans missing, a data set may know better
+    (`scan_period`).
     """
-    if len(dataset) < 2:
-        return SWEEP
-    steps = np.diff(dataset.stamps if stamps is None else stamps)
-    duration = float(np.median(steps / np.maximum(np.diff(dataset.numbers), 1)))
-    if duration < LEAST_SWEEP:
-        duration = float(np.median(steps))
-    return duration if duration > 0 else SWEEP
+    if stamps is not None:
+        return usual_step(stamps) or SWEEP
+    return float(getattr(dataset, "scan_period", None) or usual_step(dataset.stamps) or SWEEP)
+
+
+def _check_times(frame: Frame, sweep: float) -> None:
+    """Raise InputError where points' times cannot be seconds from the stamp: they would span many sweeps."""
+    time = frame.cloud.time
+    if time is None or len(time) == 0:
+        return
+    first, last = float(time.min()), float(time.max())
+    if not last - first <= LONGEST_SPAN * max(sweep, LEAST_SWEEP):
+        raise InputError(
+            f"frame {frame.index}: its points' times span {last - first:.3g} s, where a sweep takes about {sweep:.2g}; "
+            "give seconds from the scan's stamp, neither fractions of the sweep nor other units"
+        )
 
 
 class RefusedError(InputError):

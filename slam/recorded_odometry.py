@@ -90,10 +90,10 @@ class RecordedSteps:
         """The next scan at its pose, deskewed by the motion since the one before."""
         pose, before = self._poses[self._next], self._poses[max(self._next - 1, 0)]
         elapsed = stamp - self._stamp if stamp > self._stamp else self._sweep_duration
-        motion = se3.scale(se3.normalized(se3.inverse(before) @ pose), self._sweep_duration / elapsed)
+        velocity = se3.log(se3.normalized(se3.inverse(before) @ pose)) / elapsed
         self._next, self._stamp = self._next + 1, stamp
-        scan = correct_vertical(deskew(cloud, motion), self._vertical_correction)
-        return OdometryStep(pose, np.diag(SIGMA**2), "registered", None, scan)
+        scan = correct_vertical(deskew(cloud, velocity), self._vertical_correction)
+        return OdometryStep(pose, np.diag(SIGMA**2), "registered", None, scan, velocity=velocity)
 
     def settle(self) -> tuple[OdometryStep, ...]:
         """Recorded poses are never provisional: none."""

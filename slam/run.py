@@ -14,6 +14,7 @@ from slam.cell_sizes import Sizes
 from slam.data import se3
 from slam.data.cloud import Array, Calibration, PointCloud
 from slam.data.ground_truth import UNSETTLED, GroundTruth, settled_truth
+from slam.data.point_times import PointTimes
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
 from slam.mapper import MappingResult
@@ -67,6 +68,8 @@ class Source:
         positions: Which frames of the data set are run, None in a live run.
         ground_truth: (N, 4, 4) T_world_lidar of these frames, NaN where unknown, or None.
         truth_readings: The same by either order of its quaternions, where nothing says which is right; else empty.
+        point_times: The verdict on the times of the drive's points, None where nobody gave one.
+        stamps_from: Where the scans' stamps are from, None where nobody said.
     """
 
     name: str = "live"
@@ -76,6 +79,8 @@ class Source:
     positions: range | None = None
     ground_truth: Array | None = None
     truth_readings: Mapping[str, Array] = field(default_factory=dict)
+    point_times: PointTimes | None = None
+    stamps_from: str | None = None
 
 
 @dataclass(eq=False)
@@ -86,7 +91,7 @@ class Run:
         source: Where the scans came from.
         config: The settings.
         vertical_correction: Angle [rad] that every elevation was raised by.
-        deskewed: Whether any scan was deskewed.
+        timed: How many scans had points with times, and were deskewed.
         sizes: Of the odometry's cells and thinning, from the settings or the first scan; None where poses are recorded.
         mapping: Keyframes, loops and map, None while frames are still being added.
         milliseconds: Of the stages behind the odometry (map, loops, back_end), a figure a keyframe or frame.
@@ -97,7 +102,7 @@ class Run:
     source: Source
     config: Config
     vertical_correction: float
-    deskewed: bool = False
+    timed: int = 0
     sizes: Sizes | None = None
     mapping: MappingResult | None = None
     milliseconds: dict[str, list[float]] = field(default_factory=dict)
@@ -137,6 +142,20 @@ class Run:
         self.source = replace(source, ground_truth=truth.poses, truth_readings={})
         self.problems = [problem for problem in self.problems if problem.kind not in UNSETTLED]
         self.problems.extend(truth.problems)
+
+    @property
+    def deskewed(self) -> bool:
+        """Whether any scan was."""
+        return self.timed > 0
+
+    def times(self) -> str:
+        """What the points' times were taken for, in one line."""
+        frames = len(self.records)
+        if self.config.front_end.deskew is False:
+            return "point times: not used (front_end.deskew is false)"
+        if self.source.point_times is None:
+            return f"point times: seconds from the stamp, as given, in {self.timed} of {frames} scans"
+        return self.source.point_times.verdict(self.timed, frames)
 
     def counts(self) -> dict[str, int]:
         """Frames by their status, and problems by their kind."""

@@ -159,6 +159,8 @@ def _report(run: Run) -> dict[str, Any]:
             "input": run.config.front_end.input,
             "vertical_correction_deg": round(float(np.rad2deg(run.vertical_correction)), 6),
             "deskew": run.deskewed,
+            "point_times": run.times(),
+            "stamps": source.stamps_from,
             "sizes_m": asdict(run.sizes) if run.sizes else None,
             "alignment": "none: the first frame is the origin; metrics.json says how each figure was aligned",
             "versions": _versions(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -65,6 +65,7 @@ class OdometryStep:
     registration  of the scan against the map, or None (first scan, too few points)
     cloud         the scan as registered: deskewed, vertically corrected, in the sensor's frame
     unobserved    (K, 6) unit vectors (rotation, translation) in the sensor's axes; none but in a degenerate scan
+    velocity      (6,) [rad/s, m/s] in the sensor's axes, on the way here; 0 where nothing is known as yet
     provisional   the drive has just begun, and the pose may still be put right
     revised       where that is over: the steps of the scans before, oldest first, as they are now known to be
     """
@@ -75,6 +76,7 @@ class OdometryStep:
     registration: RegistrationResult | None
     cloud: PointCloud
     unobserved: Array = field(default_factory=lambda: np.zeros((0, 6)))
+    velocity: Array = field(default_factory=lambda: np.zeros(6))
     provisional: bool = False
     revised: tuple[OdometryStep, ...] = ()
 
@@ -148,7 +150,7 @@ class Track:
 
     def _prepared(self, cloud: PointCloud) -> tuple[PointCloud, Points, Points]:
         """A scan as it is registered, its points for the map, and those that are held against it."""
-        scan = deskew(cloud, se3.exp(self._velocity * self.sweep_duration))
+        scan = deskew(cloud, self._velocity)
         scan = correct_vertical(scan, self.vertical_correction)
         if self.target is None and len(scan) >= MIN_POINTS:
             self._begin(scan)
@@ -165,7 +167,7 @@ class Track:
             self._follow(step, stamp)
         if self.target is not None:
             self._remember(self.target, step, map_points)
-        return step
+        return replace(step, velocity=self._velocity)
 
     def predict(self, stamp: float) -> Array:
         """Pose (4, 4) at `stamp`, had the velocity stayed as it was at the last registered scan."""

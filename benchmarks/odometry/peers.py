@@ -26,7 +26,7 @@ MIN_RANGE, MAX_RANGE = 2.5, 100.0  # metres, for the peers that have no setting 
 class Peer:
     """A constant-velocity odometry around one registration method."""
 
-    sweeps = 1  # that the sensor turns from one scan to the next
+    period = 0.1  # s from one scan to the next
 
     def __init__(self, vertical_correction: float, threads: int = 1) -> None:
         self.vertical_correction, self.threads = vertical_correction, threads
@@ -35,8 +35,7 @@ class Peer:
 
     def register(self, cloud: PointCloud) -> Array:
         """Pose (4, 4) of the scan in the frame of the first."""
-        swept = self.motion if self.sweeps == 1 else se3.scale(self.motion, 1 / self.sweeps)
-        scan = correct_vertical(deskew(cloud, swept), self.vertical_correction)
+        scan = correct_vertical(deskew(cloud, se3.log(self.motion) / self.period), self.vertical_correction)
         pose = se3.normalized(self.align(scan.xyz.astype(np.float64), self.pose @ self.motion))
         self.motion, self.pose = se3.inverse(self.pose) @ pose, pose
         self.frames += 1

@@ -57,7 +57,7 @@ class Theirs:
             **{each: partial(peers.GenZ, configuration=configuration) for each, configuration in GENZ.items()},
         }
         self._peer = kinds[name](vertical_correction(dataset), threads=1)
-        self._peer.sweeps = sweeps
+        self._peer.period = sweeps * sweep_duration(dataset)
 
     def register(self, cloud: PointCloud, stamp: float) -> Array:
         del stamp  # the peers take scans to be evenly spaced

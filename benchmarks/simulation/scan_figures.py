@@ -13,7 +13,6 @@ from slam.data.dataset import Dataset
 from slam.data.distortion import correct_vertical, deskew
 from slam.data.errors import InputError
 from slam.data.sensor import Sensor
-from slam.pipeline import sweep_duration
 
 RANGES = (0.0, 5.0, 10.0, 20.0, 40.0, 80.0, np.inf)  # m
 RINGS = 8  # rings that are taken together
@@ -44,7 +43,7 @@ def scan_figures(dataset: Dataset, scans: int) -> Figures:
 
 
 def _of_scan(dataset: Dataset, sensor: Sensor, position: int, recorded: PointCloud) -> Figures:
-    cloud = correct_vertical(deskew(recorded, _motion(dataset, position)), sensor.vertical_correction)
+    cloud = correct_vertical(deskew(recorded, _velocity(dataset, position)), sensor.vertical_correction)
     reach = np.linalg.norm(cloud.xyz, axis=1)
     shares = np.histogram(reach, RANGES)[0] / len(reach)
     return {
@@ -60,14 +59,14 @@ def _of_scan(dataset: Dataset, sensor: Sensor, position: int, recorded: PointClo
     }
 
 
-def _motion(dataset: Dataset, position: int) -> Array:
-    """T_start_end (4, 4) of a scan's sweep, from the ground truth of its neighbours; none where that is unknown."""
+def _velocity(dataset: Dataset, position: int) -> Array:
+    """(6,) [rad/s, m/s] at a scan, from the ground truth of its neighbours; none where that is unknown."""
     truth = dataset.ground_truth
     first, last = max(position - 1, 0), min(position + 1, len(dataset) - 1)
     if truth is None or first == last or not np.isfinite(truth[[first, last]]).all():
-        return np.eye(4)
-    way = se3.inverse(truth[first]) @ truth[last]
-    return se3.scale(way, sweep_duration(dataset) / (dataset.stamps[last] - dataset.stamps[first]))
+        return np.zeros(6)
+    way = se3.log(se3.inverse(truth[first]) @ truth[last])
+    return np.asarray(way / (dataset.stamps[last] - dataset.stamps[first]))
 
 
 def _by_ring(ring: Array | None, sensor: Sensor) -> Array:

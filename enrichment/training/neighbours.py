@@ -14,7 +14,6 @@ from slam.data.camera import nearest_pixel, project
 from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset
 from slam.data.distortion import correct_vertical, deskew
-from slam.data.files import SCAN_PERIOD
 
 #: Pixels (H, W) around one whose returns bound its depth: rings are some six rows apart, returns of one up to three.
 WINDOW = (15, 9)
@@ -71,7 +70,7 @@ class Neighbours:
             motion = se3.inverse(self._poses[first]) @ self._poses[first + 1]
             elapsed = self._data.stamps[first + 1] - self._data.stamps[first]
             if np.isfinite(motion).all():
-                cloud = deskew(cloud, se3.scale(se3.normalized(motion), SCAN_PERIOD / elapsed))
+                cloud = deskew(cloud, se3.log(se3.normalized(motion)) / elapsed)
         return correct_vertical(cloud, self._correction)
 
 

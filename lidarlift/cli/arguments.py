@@ -22,6 +22,12 @@ class Input(StrEnum):
     ENRICHED = "enriched"
 
 
+class Stamp(StrEnum):
+    START = "start"
+    MIDDLE = "middle"
+    END = "end"
+
+
 DatasetArgument = Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")]
 SequenceOption = Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")]
 FramesOption = Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")]
@@ -40,6 +46,17 @@ EnricherOption = Annotated[
         help=f"What fills in: {', '.join(METHODS.names())}. Default: lift, our network; ray-segment learns nothing and "
         "is faster.",
     ),
+]
+
+StampOption = Annotated[
+    Stamp | None,
+    typer.Option(
+        help="The instant of a sweep that the stamps, and so the poses, belong to. Default: as points' times."
+    ),
+]
+PointTimeOption = Annotated[
+    str | None,
+    typer.Option(metavar="FIELD[:UNIT]", help="The field with the points' times: t:ns. Default: found by its values."),
 ]
 
 

@@ -13,9 +13,11 @@ from lidarlift.cli.arguments import (
     DatasetArgument,
     EnricherOption,
     FramesOption,
+    PointTimeOption,
     SensorOption,
     SequenceOption,
     SetOption,
+    StampOption,
     StrictOption,
     frame_slice,
 )
@@ -34,6 +36,8 @@ def compare(
     set_: SetOption = None,
     frames: FramesOption = ":",
     sensor: SensorOption = None,
+    stamp: StampOption = None,
+    point_time: PointTimeOption = None,
     out: Annotated[Path | None, typer.Option(help="The folder for the runs. Default: runs/NAME-compared.")] = None,
     strict: StrictOption = False,
 ) -> None:
@@ -45,7 +49,7 @@ def compare(
     """
     from slam.data.dataset import open_dataset
 
-    data = open_dataset(dataset, sequence, sensor)
+    data = open_dataset(dataset, sequence, sensor, stamp=stamp and stamp.value, point_time=point_time)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
     rows, chosen = rows_for(inputs_of(data), enricher, config, set_ or ()), frame_slice(frames)
     comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)

@@ -13,9 +13,11 @@ from lidarlift.cli.arguments import (
     EnricherOption,
     FramesOption,
     InputOption,
+    PointTimeOption,
     SensorOption,
     SequenceOption,
     SetOption,
+    StampOption,
     StrictOption,
     frame_slice,
 )
@@ -33,6 +35,8 @@ def run(
     set_: SetOption = None,
     frames: FramesOption = ":",
     sensor: SensorOption = None,
+    stamp: StampOption = None,
+    point_time: PointTimeOption = None,
     odometry: Annotated[
         Path | None,
         typer.Option(help="LiDAR poses of another odometry instead, one a scan, KITTI or TUM format."),
@@ -48,7 +52,7 @@ def run(
     from slam.data.dataset import open_dataset
     from slam.session import read_report
 
-    data = open_dataset(dataset, sequence, sensor)
+    data = open_dataset(dataset, sequence, sensor, stamp=stamp and stamp.value, point_time=point_time)
     chosen = settings_for(data.sensor, input and input.value, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict)
@@ -76,6 +80,7 @@ def _summary(report: dict[str, Any]) -> str:
         f"registration {odometry['registration']} against the {odometry['target']}{_cells(protocol['sizes_m'])}\n"
         f"{counts['frames']} frames, {report['path_length_m']:.2f} m; {counts['retried']} registered after a search, "
         f"{counts['failed']} failed; map of {report['map_points']:,} points\n"
+        f"{protocol['point_times']}\n"
         f"{notes}{_loops(report['loops'])}\n"
         f"Median: odometry {times['odometry']['median']:.1f} ms a frame; beside it {', '.join(beside)}\n"
     )

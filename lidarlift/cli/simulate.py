@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from lidarlift.cli.arguments import one_of
+from lidarlift.cli.arguments import Stamp, one_of
 from lidarlift.cli.console import progress
 from slam.data.atomic import require_writable
 from slam.data.sensor_names import SENSORS
@@ -20,12 +20,6 @@ from slam.simulation.drive_names import DRIVES
 class Format(StrEnum):
     KITTI = "kitti"
     FOLDER = "folder"
-
-
-class Stamp(StrEnum):
-    START = "start"
-    MIDDLE = "middle"
-    END = "end"
 
 
 def simulate(

@@ -8,6 +8,7 @@ import numpy as np
 
 from slam.data import kernels
 from slam.data.cloud import Array
+from slam.data.conventions import INSTANTS
 from slam.data.problem import Problem, spans
 from slam.data.sensor import Sensor
 
@@ -66,12 +67,13 @@ def nearest_rings(xyz: Array, sensor: Sensor) -> Array:
     return np.asarray(kernels.nearest_lines(xyz, np.tan(sensor.elevation), sensor.offset))
 
 
-def sweep_fraction(xyz: Array) -> Array:
-    """When in the sweep each point was seen, (N,) float32 in 0..1, for KITTI's raw scans.
+def turn_times(xyz: Array, sweep: float, stamp: str = "middle") -> Array:
+    """When each point was seen, (N,) float32 seconds from the scan's stamp, for KITTI's raw scans.
 
-    The sensor turns from the rear over the left and the front (1/2, where the scan's time stamp belongs) to the right.
+    The sensor turns once in `sweep` [s] from the rear over the left and the front to the right. KITTI's stamp is of the
+    middle, when it looks ahead; converters into KITTI's layout may have kept one of the `start` or `end`.
     """
-    return np.asarray(kernels.sweep_fractions(xyz))
+    return np.asarray(kernels.turn_times(xyz, sweep, INSTANTS[stamp]))
 
 
 def _runs(numbers: Array) -> list[tuple[int, int]]:

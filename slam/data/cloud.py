@@ -24,7 +24,7 @@ class PointCloud:
     xyz        (N, 3) float32, metres
     intensity  (N,) float32, 0..1
     ring       (N,) int16, 0 = top laser, or None where the rings are unknown
-    time       (N,) float32, fraction of the sweep 0..1, or None where the points need no deskewing
+    time       (N,) float32, seconds from the scan's stamp, or None where the points need no deskewing
     sigma      (N,) float32, metres: half the width of the central 68 % interval of the range error
     measured   (N,) bool: returned by the sensor (True) or predicted by an enricher (False)
     colour     (N, 3) uint8 RGB, or None

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from inspect import signature
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Any, Protocol, cast
 
 from slam.data.cloud import Array, Calibration, Frame
 from slam.data.errors import InputError
@@ -20,9 +22,12 @@ class Dataset(Protocol):
     sensor        the LiDAR's laser lines, or None where nobody said which LiDAR it was
     calibration   the camera beside it, or None
     numbers       (N,) int64, the numbers in the file names: Frame.index
-    stamps        (N,) float64, seconds
+    stamps        (N,) float64, seconds, rising
     ground_truth  (N, 4, 4) float64 T_world_lidar, the first known one identity, NaN where unknown; or None
     problems      what is wrong with the data set as a whole; `Frame.problems` is for single scans
+
+    Those of this package also have `point_times`, the verdict on the points' times (`PointTimes`), `stamps_from`, the
+    place that stamps are from, and where it is not simply the usual step between stamps `scan_period` [s].
     """
 
     @property
@@ -63,8 +68,11 @@ class Loader(Protocol):
         """
         ...
 
-    def __call__(self, path: Path, sensor: str | Path | None) -> Dataset:
-        """The data set of a drive; `sensor` overrides what its folder says (see `load_sensor`)."""
+    def __call__(self, path: Path, sensor: str | Path | None, **said: Any) -> Dataset:
+        """The data set of a drive; `sensor` overrides what its folder says (see `load_sensor`).
+
+        A loader may take `stamp` and `point_time` by name, as `open_dataset` does.
+        """
         ...
 
 
@@ -81,7 +89,14 @@ DATASETS = Registry[Dataset](
 )
 
 
-def open_dataset(path: str | Path, sequence: str | None = None, sensor: str | Path | None = None) -> Dataset:
+def open_dataset(
+    path: str | Path,
+    sequence: str | None = None,
+    sensor: str | Path | None = None,
+    *,
+    stamp: str | None = None,
+    point_time: str | None = None,
+) -> Dataset:
     """The drive in a folder: KITTI odometry, KITTI raw, a kind that another package adds, or a folder of scans.
 
     Args:
@@ -89,10 +104,14 @@ def open_dataset(path: str | Path, sequence: str | None = None, sensor: str | Pa
             (`..._sync`); or a folder of scans of the user's own (`UserFolder`).
         sequence: Picks one where there are several ('04'; '0005').
         sensor: Overrides what the folder says of the LiDAR (see `load_sensor`).
+        stamp: The instant of a sweep that the stamps belong to, 'start', 'middle' or 'end'; by default sensor.yaml's
+            or what the points' times tell.
+        point_time: The field with the points' times, FIELD or FIELD:UNIT ('t:ns'); by default likewise.
 
     Raises:
-        InputError: Nothing fits; the message says what was looked for.
+        InputError: Nothing fits, the message says what was looked for; or the data set does not take an option.
     """
+    said = {"stamp": stamp, "point_time": point_time}
     path = Path(path).expanduser()
     if not path.exists():
         raise InputError(f"{path}: no such folder; name the folder of a drive")
@@ -102,11 +121,20 @@ def open_dataset(path: str | Path, sequence: str | None = None, sensor: str | Pa
         loader = cast(Loader, DATASETS.load(name))
         found = loader.drives(path)
         if found:
-            return loader(_pick(path, found, sequence), sensor)
+            return loader(_pick(path, found, sequence), sensor, **_taken(loader, path, said))
         layouts.append(loader.LAYOUT)
     if path.is_file():
         raise InputError(f"{path}: is a file, not a folder with scans; name the folder of a drive")
     raise InputError(f"{path}: no drive found; looked for {', '.join(layouts[:-1])} and {layouts[-1]}")
+
+
+def _taken(loader: Loader, path: Path, said: Mapping[str, str | None]) -> dict[str, Any]:
+    """What is said, by the names that the loader has for it. Raises InputError where it does not know one."""
+    given = {name: value for name, value in said.items() if value is not None}
+    for name in given:
+        if name not in signature(loader).parameters:
+            raise InputError(f"{path}: --{name.replace('_', '-')} is not for this kind of data set; leave it out")
+    return given
 
 
 def chosen_positions(data: Dataset, frames: slice) -> range:

@@ -6,21 +6,20 @@ import numpy as np
 
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
-from slam.data.kernels import move_along_sweep, raise_elevation
+from slam.data.kernels import move_to_stamp, raise_elevation
 
 
-def deskew(cloud: PointCloud, motion: Array) -> PointCloud:
-    """The cloud as a sensor standing still at mid-sweep would have seen it.
+def deskew(cloud: PointCloud, velocity: Array) -> PointCloud:
+    """The cloud as a sensor standing still at the instant of the scan's stamp would have seen it.
 
-    `motion` (4, 4) is T_start_end of the sweep: the pose at its end in the frame of its start. The velocity is taken
-    as constant over the sweep, as in KISS-ICP (Vizzo et al., RA-L 2023, eq. 2). Clouds without times are returned
-    as they are.
+    `velocity` (6,), rotation [rad/s] first, then translation [m/s], in the sensor's axes, is taken as constant over the
+    sweep, as in KISS-ICP (Vizzo et al., RA-L 2023, eq. 2). Clouds without times are returned as they are.
     """
     if cloud.time is None:
         return cloud
-    twist, X = se3.log(motion), np.zeros((4, 4))
-    X[:3, :3], X[:3, 3] = se3.skew(twist[:3]), twist[3:]
-    return cloud.with_xyz(move_along_sweep(cloud.xyz, cloud.time, X[:3], (X @ X / 2)[:3], (X @ X @ X / 6)[:3]))
+    X = np.zeros((4, 4))
+    X[:3, :3], X[:3, 3] = se3.skew(velocity[:3]), velocity[3:]
+    return cloud.with_xyz(move_to_stamp(cloud.xyz, cloud.time, X[:3], (X @ X / 2)[:3], (X @ X @ X / 6)[:3]))
 
 
 def correct_vertical(cloud: PointCloud, angle: float) -> PointCloud:

@@ -103,14 +103,24 @@ def sound_points(path: Path, xyz: Array) -> tuple[Array, tuple[Problem, ...]]:
 
 def rows_by_number(rows: Array, numbers: Array, path: Path) -> Array:
     """The rows of a text file that belong to the scans `numbers` (N,): a file holds a row for every scan there is, or
-    for every number from 0 on. Raises InputError where it is neither."""
+    for every number, from 0 or from the first one on. Rows that are NaN or NaT, of empty lines, keep the place of a
+    number that is missing, or mean nothing. Raises InputError where there is neither."""
+    if len(numbers) == 0:
+        return rows[:0]
+    blank, first, last = rows != rows, numbers[0], numbers[-1]
+    if blank.any() and len(rows) > last and not blank[numbers].any():
+        return rows[numbers]
+    if blank.any() and len(rows) - int(blank.sum()) == len(numbers):
+        return rows[~blank]
     if len(rows) == len(numbers):
         return rows
-    if len(numbers) and len(rows) > numbers[-1]:
+    if len(rows) > last:
         return rows[numbers]
-    last = f", the last is number {numbers[-1]}" if len(numbers) else ""
+    if len(rows) == last - first + 1:
+        return rows[numbers - first]
     raise InputError(
-        f"{path}: {len(rows)} rows for {len(numbers)} scans{last}; a row is needed for every scan, or for every number"
+        f"{path}: {len(rows)} rows for {len(numbers)} scans, the last is number {last}; "
+        "a row is needed for every scan, or for every number"
     )
 
 

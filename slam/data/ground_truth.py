@@ -15,7 +15,7 @@ from slam.data.cloud import Array
 from slam.data.pose_files import Trajectory, read_trajectory
 from slam.data.problem import Problem, spans
 from slam.data.quaternion_order import order_by_odometry
-from slam.data.sensor import about_data
+from slam.data.sensor import conventions_of_folder
 
 #: Poses farther apart than so many of their usual steps, and than HOLE [s], have a hole between them: over it nothing
 #: is interpolated. Within 0.3 s a car that brakes at 2 m/s^2 is 2 cm off the straight way; truth of 1 Hz is coarser
@@ -62,7 +62,7 @@ def read_ground_truth(path: Path, stamps: Array, numbers: Array, known_times: bo
     file = path / "poses.txt"
     if not file.is_file():
         return GroundTruth()
-    trajectory = read_trajectory(file, about_data(path, "quaternion"))
+    trajectory = read_trajectory(file, conventions_of_folder(path, None).quaternion)
     if trajectory.stamps is not None and not known_times:
         return _none(f"{file}: its poses have stamps and the scans have none; give times.txt, or poses without stamps")
     match = _by_time(file, trajectory, stamps) if trajectory.stamps is not None else _by_row(file, trajectory, numbers)

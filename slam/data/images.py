@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from slam.data.cloud import Array
-from slam.data.files import SCAN_PERIOD, natural_key, numbers_of, read_times
+from slam.data.files import SCAN_PERIOD
 from slam.data.problem import Problem
+from slam.data.scan_names import in_order
+from slam.data.stamps import usual_step
+from slam.data.time_files import TIME_FILES, read_stamps
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 IMAGE_FOLDERS = ("images", "image_2")
-TIME_FILES = ("times.txt", "timestamps.txt")
 #: How whole files begin, and what stands within TAIL bytes of their end: PNG's last chunk, JPEG's end of image.
 MARKS = ((b"\x89PNG\r\n\x1a\n", b"IEND"), (b"\xff\xd8\xff", b"\xff\xd9"))
 TAIL = 4096
@@ -103,14 +105,15 @@ def match_images(
     if folder is None:
         return None, [None] * len(scans), ()
     files = (file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES and file.name[0] != ".")
-    images = sorted(files, key=natural_key)
+    names = in_order(list(files))
+    images, taken = names.files, names.stamps
+    problems: tuple[Problem, ...] = ()
     times = next((folder / name for name in TIME_FILES if (folder / name).is_file()), None)
-    if images and times is not None and known_times:
-        found = _nearest(images, read_times(times, numbers_of(images)), stamps)
-    else:
-        found = _by_name(images, scans)
+    if images and times is not None and (read := read_stamps(times, images, names.numbers)):
+        taken, problems = read.seconds, read.problems
+    found = _by_name(images, scans) if taken is None or not known_times else _nearest(images, taken, stamps)
     if any(found):
-        return folder, [None if image is None else ImageFile(image) for image in found], ()
+        return folder, [None if image is None else ImageFile(image) for image in found], problems
     fault = f"none of {len(images)} images has a scan's name, number or time" if images else "no images in it"
     text = f"{folder}: {fault}; the camera is not used. Name them like the scans, or give {folder.name}/times.txt"
     return None, [None] * len(scans), (Problem("unmatched images", text),)
@@ -121,8 +124,7 @@ def _nearest(images: Sequence[Path], taken: Array, stamps: Array) -> list[Path |
     after = np.searchsorted(taken, stamps).clip(max=len(taken) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(taken[before] - stamps) <= np.abs(taken[after] - stamps), before, after)
-    period = float(np.median(np.diff(stamps))) if len(stamps) > 1 else SCAN_PERIOD
-    near = np.abs(taken[nearest] - stamps) <= period / 2
+    near = np.abs(taken[nearest] - stamps) <= (usual_step(stamps) or SCAN_PERIOD) / 2
     return [images[at] if close else None for at, close in zip(nearest, near, strict=True)]
 
 

@@ -7,15 +7,15 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def move_along_sweep(xyz, fraction, first, second, third):
-    """Each point where it stood at mid-sweep: exp(s xi) x to the third order in s = fraction - 1/2.
+def move_to_stamp(xyz, time, first, second, third):
+    """Each point where it stood at the stamp: exp(t xi) x to the third order in its time t [s] from there.
 
-    `first`, `second`, `third` (3, 4) are the top rows of X, X^2 / 2 and X^3 / 6, with X the matrix of the sweep's whole
-    motion xi. The fourth order, left out, turns by less than 1e-5 rad at 1.5 rad/s and 10 Hz.
+    `first`, `second`, `third` (3, 4) are the top rows of X, X^2 / 2 and X^3 / 6, with X the matrix of the velocity xi.
+    The fourth order, left out, turns by less than 1e-5 rad at 1.5 rad/s and half a sweep of 0.1 s.
     """
     out = np.empty_like(xyz)
     for i in range(len(xyz)):
-        s = fraction[i] - 0.5
+        s = time[i]
         for row in range(3):
             value = xyz[i, row] + s * (first[row, 3] + s * (second[row, 3] + s * third[row, 3]))
             for column in range(3):
@@ -111,9 +111,9 @@ def cheapest_lines(xyz, weight, wrap, tangent, offset, spacing, switch_cost):
 
 
 @njit(cache=True, nogil=True)
-def sweep_fractions(xyz):
-    """(N,) float32: 1/2 - azimuth / (2 pi)."""
+def turn_times(xyz, sweep, instant):
+    """(N,) float32: (1/2 - azimuth / (2 pi) - instant) of the sweep [s]."""
     out = np.empty(len(xyz), np.float32)
     for i in range(len(xyz)):
-        out[i] = 0.5 - math.atan2(xyz[i, 1], xyz[i, 0]) / (2 * math.pi)
+        out[i] = (0.5 - instant - math.atan2(xyz[i, 1], xyz[i, 0]) / (2 * math.pi)) * sweep
     return out

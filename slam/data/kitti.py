@@ -6,25 +6,32 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.data.beams import rings_in_file_order, sweep_fraction
+from slam.data.beams import rings_in_file_order, turn_times
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
-from slam.data.files import files_by_number, read_bin
+from slam.data.files import SCAN_PERIOD, files_by_number, read_bin
 from slam.data.images import IMAGE_SUFFIXES, ImageFile, image_problems, no_image
+from slam.data.point_times import PointTimes, azimuth_times
 from slam.data.sensor import Sensor
+from slam.data.stamps import usual_step
 
 
 class KittiDrive:
     """Scans stored ring after ring, top ring first, with the colour camera's images of the same numbers.
 
     The loaders add stamps, calibration and ground truth. See `Dataset` for the fields.
+
+    Attributes:
+        scan_period: Seconds from scan to scan, where none is missing, and of a turn.
     """
 
     stamps: Array
+    stamps_from = "assumed"
+    scan_period = SCAN_PERIOD
     calibration: Calibration | None
 
-    def __init__(self, path: Path, sensor: Sensor, scans: Path, images: Path) -> None:
-        self.path, self.sensor = path, sensor
+    def __init__(self, path: Path, sensor: Sensor, stamp: str | None, scans: Path, images: Path) -> None:
+        self.path, self.sensor, self._stamp = path, sensor, stamp or "middle"
         self._scans = files_by_number(scans, (".bin",))
         if not self._scans:
             raise InputError(f"{scans}: no scans in it; KITTI's are numbered .bin files, like 000000.bin")
@@ -35,6 +42,17 @@ class KittiDrive:
         return len(self.numbers)
 
     @property
+    def point_times(self) -> PointTimes:
+        """The verdict on them: of motion-compensated scans there are none, of others the azimuth tells."""
+        if not self.sensor.motion_compensated:
+            return azimuth_times(self.scan_period, self._stamp)
+        return PointTimes(why="the scans are motion-compensated already", sweep=self.scan_period, stamp=self._stamp)
+
+    def _has_stamps(self, every: Array, unit: str) -> None:
+        """`every` (M,) [s]: of all frames that their file has."""
+        self.scan_period, self.stamps_from = usual_step(every) or SCAN_PERIOD, unit
+
+    @property
     def folders(self) -> tuple[Path, ...]:
         """What the drive is read from: nothing may be written there."""
         return (self.path, next(iter(self._scans.values())).parent, self._image_folder)
@@ -43,7 +61,7 @@ class KittiDrive:
         number = int(self.numbers[position])
         xyz, intensity, problems = read_bin(self._scans[number])
         ring, odd = rings_in_file_order(xyz, self.sensor, self._scans[number])
-        time = None if self.sensor.motion_compensated else sweep_fraction(xyz)
+        time = None if self.sensor.motion_compensated else turn_times(xyz, self.scan_period, self._stamp)
         image = ImageFile(self._images[number]) if number in self._images else None
         if self._images:
             problems += image_problems(image, number, self._image_folder)

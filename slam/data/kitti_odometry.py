@@ -15,12 +15,13 @@ from slam.data.files import (
     gaps,
     matrix,
     read_keyed_numbers,
-    read_numbers,
 )
 from slam.data.kitti import KittiDrive, rectified_camera
 from slam.data.pose_files import read_trajectory
 from slam.data.problem import Problem
-from slam.data.sensor import kitti_sensor
+from slam.data.sensor import conventions_of_folder, kitti_sensor
+from slam.data.stamps import mended, usual_step
+from slam.data.time_files import read_rows
 
 
 class KittiOdometry(KittiDrive):
@@ -44,11 +45,12 @@ class KittiOdometry(KittiDrive):
         found = {folder.parent.name: folder.parent for folder in sorted(root.glob("*/velodyne"))}
         return found if root.name == "sequences" else {}
 
-    def __init__(self, path: Path, sensor: str | Path | None = None) -> None:
+    def __init__(self, path: Path, sensor: str | Path | None = None, *, stamp: str | None = None) -> None:
         maker = path.parent.parent.name if (path / "sensor.yaml").is_file() else "KITTI odometry"  # another's sensor
         self.name = f"{maker} {path.name}"
         lasers = kitti_sensor(path, sensor, motion_compensated=True)
-        super().__init__(path, lasers, path / "velodyne", path / "image_2")
+        said = conventions_of_folder(path, sensor).said(stamp)
+        super().__init__(path, lasers, said.stamp, path / "velodyne", path / "image_2")
         self.stamps, slow = self._read_stamps()
         self.calibration, uncalibrated = self._read_calibration()
         self.ground_truth, untrue = self._read_ground_truth()
@@ -56,12 +58,13 @@ class KittiOdometry(KittiDrive):
 
     def _read_stamps(self) -> tuple[Array, tuple[Problem, ...]]:
         path = self.path / "times.txt"
-        times = read_numbers(path) if path.exists() else np.zeros(0)
+        times, unit = read_rows(path) if path.exists() else (np.zeros(0), "")
         if len(times) > self.numbers[-1]:
             stamps = times[self.numbers]
-            if (np.diff(stamps) > 0).all():
-                return stamps, ()
-            fault = "times do not rise from line to line"
+            if usual_step(stamps) is not None or len(stamps) == 1:
+                self._has_stamps(times, f"times.txt, {unit}")
+                return mended(stamps, path)
+            fault = "all of its times are the same"
         else:
             fault = f"{len(times)} times, but a scan {self.numbers[-1]}" if path.exists() else "no such file"
         problem = Problem("no time stamps", f"{path}: {fault}; {1 / SCAN_PERIOD:g} scans a second assumed")

@@ -8,8 +8,8 @@ import numpy as np
 
 from slam.data import oxts, se3
 from slam.data.cloud import Array, Calibration
-from slam.data.errors import InputError
 from slam.data.files import (
+    SCAN_PERIOD,
     files_by_number,
     gaps,
     matrix,
@@ -18,7 +18,9 @@ from slam.data.files import (
 )
 from slam.data.kitti import KittiDrive, rectified_camera
 from slam.data.problem import Problem
-from slam.data.sensor import kitti_sensor
+from slam.data.sensor import conventions_of_folder, kitti_sensor
+from slam.data.stamps import mended
+from slam.data.time_files import clock_rows, text_lines
 
 
 class KittiRaw(KittiDrive):
@@ -40,19 +42,30 @@ class KittiRaw(KittiDrive):
                 return {folder.parent.parent.name: folder.parent.parent for folder in found}
         return {}
 
-    def __init__(self, path: Path, sensor: str | Path | None = None) -> None:
+    def __init__(self, path: Path, sensor: str | Path | None = None, *, stamp: str | None = None) -> None:
         self.name = f"KITTI raw {path.name.removesuffix('_sync')}"
         lasers = kitti_sensor(path, sensor, motion_compensated=False)
-        super().__init__(path, lasers, path / "velodyne_points" / "data", path / "image_02" / "data")
-        times = path / "velodyne_points" / "timestamps.txt"
-        clock = rows_by_number(_read_clock(times), self.numbers, times)
-        self.stamps = (clock - clock[0]) / np.timedelta64(1, "s")
-        if not (np.diff(self.stamps) > 0).all():
-            line = int(np.argmin(np.diff(self.stamps) > 0)) + 2
-            raise InputError(f"{times}: the times do not rise at scan {line} of {len(clock)}; copy the file afresh")
+        said = conventions_of_folder(path, sensor).said(stamp)
+        super().__init__(path, lasers, said.stamp, path / "velodyne_points" / "data", path / "image_02" / "data")
+        self.stamps, start, unusual = self._read_stamps()
         self.calibration, uncalibrated = self._read_calibration()
-        self.ground_truth, untrue = self._read_ground_truth(clock[0])
-        self.problems = (*gaps(self.numbers, path / "velodyne_points"), *uncalibrated, *untrue)
+        self.ground_truth, untrue = self._read_ground_truth(start)
+        self.problems = (*gaps(self.numbers, path / "velodyne_points"), *unusual, *uncalibrated, *untrue)
+
+    def _read_stamps(self) -> tuple[Array, np.datetime64 | None, tuple[Problem, ...]]:
+        """Stamps (N,) [s] from the first scan on, its own, and what is wrong with them."""
+        path = self.path / "velodyne_points" / "timestamps.txt"
+        every = _read_clock(path)
+        clock = np.zeros(0, "datetime64[ns]") if every is None else rows_by_number(every, self.numbers, path)
+        known = clock[~np.isnat(clock)]
+        if every is None or len(known) == 0 or (len(clock) > 1 and (known == known[0]).all()):
+            fault = "no such file" if every is None else "all of its times are the same"
+            text = f"{path}: {fault}; {1 / SCAN_PERIOD:g} scans a second assumed"
+            return (self.numbers - self.numbers[0]) * SCAN_PERIOD, None, (Problem("no time stamps", text),)
+        self._has_stamps((every - known[0]) / np.timedelta64(1, "s"), "timestamps.txt, dates")
+        stamps, problems = mended((clock - known[0]) / np.timedelta64(1, "s"), path)
+        start = known[0] + np.timedelta64(round(stamps[0] * 1e9), "ns")
+        return stamps - stamps[0], start, problems
 
     def _find(self, name: str) -> Path | None:
         """A calibration file: KITTI has it at the level of the date, some copies inside the drive."""
@@ -68,7 +81,7 @@ class KittiRaw(KittiDrive):
         rectified = matrix(entries, camera, "R_rect_00") @ matrix(read_keyed_numbers(lidar), lidar, "R", "T")
         return rectified_camera(matrix(entries, camera, "P_rect_02"), rectified), ()
 
-    def _read_ground_truth(self, start: np.datetime64) -> tuple[Array | None, tuple[Problem, ...]]:
+    def _read_ground_truth(self, start: np.datetime64 | None) -> tuple[Array | None, tuple[Problem, ...]]:
         files = files_by_number(self.path / "oxts" / "data", (".txt",))
         calibration = self._find("calib_imu_to_velo.txt")
         if len(files) < 2:
@@ -77,9 +90,7 @@ class KittiRaw(KittiDrive):
             text = f"{self.path / 'oxts'}: left out, for there is no calib_imu_to_velo.txt in {self.path} or beside it"
             return None, (Problem("no ground truth", text),)
         T_lidar_imu = matrix(read_keyed_numbers(calibration), calibration, "R", "T")
-        times = self.path / "oxts" / "timestamps.txt"
-        stamps = rows_by_number(_read_clock(times), np.array(list(files)), times)
-        seconds = (stamps - start) / np.timedelta64(1, "s")
+        seconds = self._packet_seconds(np.array(list(files)), start)
         poses = oxts.imu_poses(oxts.read_packets(list(files.values()))) @ se3.inverse(T_lidar_imu)
         # Some drives hold packets whose stamps stand still or run backwards.
         rising = np.concatenate([[True], seconds[1:] > np.maximum.accumulate(seconds)[:-1]])
@@ -88,13 +99,16 @@ class KittiRaw(KittiDrive):
         text = f"{self.path / 'oxts'}: no packet near {lost} of {len(truth)} scans; they are without truth"
         return se3.from_first(truth), (Problem("no ground truth", text),) if lost else ()
 
+    def _packet_seconds(self, numbers: Array, start: np.datetime64 | None) -> Array:
+        """When OXTS packets were taken [s], from the first scan on: (M,), by their numbers where no clock tells."""
+        path = self.path / "oxts" / "timestamps.txt"
+        clock = None if start is None else _read_clock(path)
+        if clock is None:  # of a synchronised drive: a packet for each scan
+            return self.scan_period * (numbers - self.numbers[0])
+        return np.asarray((rows_by_number(clock, numbers, path) - start) / np.timedelta64(1, "s"))
 
-def _read_clock(path: Path) -> Array:
-    """(N,) datetime64[ns] of KITTI's timestamps.txt. Raises InputError where it is missing or holds anything else."""
-    try:
-        lines = path.read_text(encoding="ascii").split("\n")
-        return np.array([line.strip() for line in lines if line.strip()], "datetime64[ns]")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error}); copy it from KITTI's drive") from error
-    except ValueError as error:
-        raise InputError(f"{path}: lines like '2011-09-26 13:04:32.335337762' are expected ({error})") from error
+
+def _read_clock(path: Path) -> Array | None:
+    """(N,) datetime64[ns] of KITTI's timestamps.txt, NaT for empty lines; None where there is no such file. Raises
+    InputError where it holds anything else."""
+    return clock_rows(path, text_lines(path)) if path.exists() else None

@@ -14,9 +14,10 @@ from slam.data.beams import recover_rings
 from slam.data.cloud import Array
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
-from slam.data.folder import UserFolder, scans_in
+from slam.data.folder import UserFolder
 from slam.data.point_files import read_points
 from slam.data.problem import Problem, spans
+from slam.data.scan_names import scans_in
 
 #: Points used in all; 64 rings then get 15,000 each, which bring coordinates rounded to 1 mm down to some 0.01 mm.
 POINTS = 1_000_000

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,19 +18,34 @@ SUFFIXES = (".bin", ".pcd", ".ply", ".npy")
 NAMES = {
     "intensity": ("intensity", "i", "reflectivity", "reflectance", "remission", "scalar_intensity"),
     "ring": ("ring", "laser_id", "laser", "channel", "line", "scalar_ring"),
-    "time": ("time", "t", "timestamp", "time_offset", "offset_time", "time_stamp", "scalar_time"),
+    # The first that tells anything of a scan is used: relative times before those of a clock.
+    "time": (
+        *("time", "t", "timestamp", "time_offset", "offset_time", "time_stamp", "scalar_time"),
+        *("times", "timestamps", "stamp", "stamps", "offset_times", "time_offsets", "offsettime", "timeoffset"),
+        *("point_time", "relative_time", "rel_time", "delta_time", "dt", "time_ns", "t_ns", "time_us", "t_us"),
+        *("gps_time", "gpstime", "scalar_t", "scalar_timestamp", "scalar_gpstime", "scalar_gps_time"),
+    ),
 }
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """N points: xyz (N, 3) float32 metres; intensity, ring and time (N,) as the file has them, colour (N, 3) uint8, or
-    None."""
+    """N points as a file has them.
+
+    Attributes:
+        xyz: (N, 3) float32, metres.
+        intensity: (N,) in the file's unit and type, or None.
+        ring: (N,) in the file's order and type, or None.
+        times: Every field that may be the points' time, (N,) in the file's unit and type (uint32 ns, float64 s, ...),
+            by its name in lower case, in the order of `NAMES["time"]`.
+        colour: (N, 3) uint8 RGB, or None.
+        problems: What is wrong with the file, and was gone around.
+    """
 
     xyz: Array
     intensity: Array | None = None
     ring: Array | None = None
-    time: Array | None = None
+    times: Mapping[str, Array] = field(default_factory=dict)
     colour: Array | None = None
     problems: tuple[Problem, ...] = ()
 
@@ -68,13 +82,19 @@ def points_of(table: Array, name: Path) -> Points:
 def _sound(points: Points, path: Path) -> Points:
     sound, found = sound_points(path, points.xyz)
     kept = sound & points.xyz.any(axis=1)
-    columns = {field.name: getattr(points, field.name) for field in fields(points) if field.name != "problems"}
     if not kept.all():
-        columns = {name: None if column is None else column[kept] for name, column in columns.items()}
+        points = replace(
+            points,
+            xyz=points.xyz[kept],
+            intensity=None if points.intensity is None else points.intensity[kept],
+            ring=None if points.ring is None else points.ring[kept],
+            times={name: values[kept] for name, values in points.times.items()},
+            colour=None if points.colour is None else points.colour[kept],
+        )
     problems = points.problems + found
     if not kept.any() and not any(problem.kind in ("empty scan", "missing scan") for problem in problems):
         problems += (Problem("empty scan", f"{path}: no points in it"),)
-    return Points(**columns, problems=problems)
+    return replace(points, problems=problems)
 
 
 def _unreadable(path: Path, reason: str) -> Points:
@@ -129,8 +149,10 @@ def _from_open3d(path: Path) -> Points:
 def _from_columns(xyz: Array, columns: Mapping[str, Array]) -> Points:
     with np.errstate(over="ignore"):  # what float32 cannot hold becomes infinite, and is counted as such
         xyz = np.ascontiguousarray(xyz, np.float32)
-    known: dict[str, Any] = {}
-    for field, names in NAMES.items():
-        found = [name for name in names if name in columns]
-        known[field] = columns[found[0]] if found else None
-    return Points(xyz, **known)
+    intensity, ring = (_first(columns, NAMES[kind]) for kind in ("intensity", "ring"))
+    times = {name: columns[name] for name in NAMES["time"] if name in columns}
+    return Points(xyz, intensity, ring, times)
+
+
+def _first(columns: Mapping[str, Array], names: Sequence[str]) -> Array | None:
+    return next((columns[name] for name in names if name in columns), None)

@@ -12,14 +12,15 @@ from scipy.spatial.transform import Rotation
 
 from slam.data.body_frame import rotations
 from slam.data.cloud import Array
+from slam.data.conventions import ORDERS
 from slam.data.errors import InputError
 from slam.data.pose_table import PoseTable, read_pose_table
-from slam.data.quaternion_order import ORDERS, as_rotations, order_by_motion
+from slam.data.quaternion_order import as_rotations, order_by_motion
+from slam.data.stamp_digits import epoch_unit, seconds_of
 
 #: Numbers up to here in the first of 13 or 17 columns count frames; stamps are larger, or have fractions.
 MOST_FRAMES = 1e7
-#: Stamps with no unit beside them: above the bound they are counts of so many seconds, since 1970 or a device's start.
-STAMP_UNITS = ((1e16, 1e-9), (1e13, 1e-6), (1e10, 1e-3))
+LONGEST_STEP = 100.0  # s between poses, as usual in a file; larger steps are of another unit
 LENGTH = 0.05  # that a quaternion's length may be off 1
 NAMES_REMEDY = "'# stamp tx ty tz qx qy qz qw' or '... qw qx qy qz'"
 
@@ -169,9 +170,13 @@ def _from_quaternions(path: Path, table: PoseTable, values: Array, order: str | 
 def _seconds(table: PoseTable) -> Array:
     """The first column (N,) in seconds."""
     stamps = table.values[:, 0]
-    largest = np.abs(stamps[np.isfinite(stamps)]).max(initial=0)
-    guessed = next((unit for bound, unit in STAMP_UNITS if largest > bound), 1.0)
-    return np.asarray(stamps * (table.stamp_unit or guessed))
+    if table.stamp_unit is not None:
+        return np.asarray(stamps * table.stamp_unit)
+    known = stamps[np.isfinite(stamps)]
+    steps = np.abs(np.diff(known))
+    if epoch_unit(known) or (len(steps) and np.median(steps) > LONGEST_STEP):
+        return seconds_of(stamps.tolist())[0]
+    return stamps
 
 
 def kitti_text(poses: Array) -> str:

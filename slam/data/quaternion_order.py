@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from slam.data import se3
 from slam.data.cloud import Array
+from slam.data.conventions import ORDERS
 
-ORDERS = ("xyzw", "wxyz")
 #: How a trajectory is cut into chords: at most so many, none shorter [m].
 CHORDS, SHORTEST = 200, 0.5
 ENOUGH = 8  # chords, before a file is read otherwise than TUM's format says

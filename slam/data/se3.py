@@ -55,6 +55,14 @@ def scale(T: Array, factor: float) -> Array:
     return exp(factor * log(T))
 
 
+def adjoint(T: Array) -> Array:
+    """(6, 6) that takes a tangent vector of frame b, rotation first, to frame a; `T_a_b` (4, 4)."""
+    result = np.zeros((6, 6))
+    result[:3, :3] = result[3:, 3:] = T[:3, :3]
+    result[3:, :3] = skew(T[:3, 3]) @ T[:3, :3]
+    return result
+
+
 def interpolate(stamps: Array, poses: Array, at: Array) -> Array:
     """Poses (M, 4, 4) at times `at` (M,), between samples (N, 4, 4) at rising `stamps` (N,): SLERP and linear.
 

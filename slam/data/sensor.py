@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from slam.data import conventions
 from slam.data.cloud import Array
+from slam.data.conventions import Conventions, read_conventions
 from slam.data.errors import InputError
 from slam.data.sensor_names import SENSORS
 from slam.data.yaml_files import numbers, read_mapping, suggest
 
-ABOUT_LIDAR = ("model", "beams", "vertical_correction_deg", "motion_compensated")
-#: Keys of a folder's sensor.yaml that say something of the data beside it, and their values.
-ABOUT_DATA = {"quaternion": ("xyzw", "wxyz")}
+KEYS = ("model", "beams", "vertical_correction_deg", "motion_compensated", *conventions.KEYS)
+NEEDED = f"'model' (one of {', '.join(SENSORS.names())}) or 'beams' is needed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +58,16 @@ def load_sensor(name_or_file: str | Path) -> Sensor:
     """The built-in sensor of that name (one of SENSORS), or the one that a YAML file describes.
 
     Keys of the file: `model`, a built-in name or, with `beams`, any; `beams`, a list of [elevation_deg, offset_m] or
-    [elevation_deg, offset_m, azimuth_deg], top first; `vertical_correction_deg`; `motion_compensated`; and ABOUT_DATA,
-    for `about_data`. Raises InputError on an unknown name or key, with the nearest right one, and on values that make
-    no sense.
+    [elevation_deg, offset_m, azimuth_deg], top first; `vertical_correction_deg`; `motion_compensated`; and those that
+    say how its scans are read, see `Conventions`. Raises InputError on an unknown name or key, with the nearest right
+    one, and on values that make no sense.
     """
-    return _from_file(Path(name_or_file)) if _is_file(name_or_file) else _built_in(str(name_or_file), "")
+    if not _is_file(name_or_file):
+        return _built_in(str(name_or_file), "")
+    sensor = _from_file(Path(name_or_file))
+    if sensor is None:
+        raise InputError(f"{name_or_file}: {NEEDED}")
+    return sensor
 
 
 def _is_file(name_or_file: str | Path) -> bool:
@@ -82,15 +88,18 @@ def _bare(name: str) -> str:
     return name.lower().replace("-", "").replace("_", "").replace(" ", "")
 
 
-def _from_file(path: Path) -> Sensor:
-    content = read_mapping(path, (*ABOUT_LIDAR, *ABOUT_DATA))
+def _from_file(path: Path) -> Sensor | None:
+    """None where it says only how scans are read."""
+    content = read_mapping(path, KEYS)
+    if content and not set(content) - set(conventions.KEYS):
+        return None
     name = str(content.get("model", path.stem))
     if "beams" in content:
         sensor = _from_beams(path, name, content["beams"])
     elif "model" in content:
         sensor = _built_in(name, f"{path}: ")
     else:
-        raise InputError(f"{path}: 'model' (one of {', '.join(SENSORS.names())}) or 'beams' is needed")
+        raise InputError(f"{path}: {NEEDED}")
     correction = numbers(path, "vertical_correction_deg", content.get("vertical_correction_deg", 0.0), ())
     compensated = content.get("motion_compensated", False)
     if not isinstance(compensated, bool):
@@ -115,8 +124,7 @@ def sensor_of_folder(folder: Path, override: str | Path | None, default: Sensor 
     compensation stay.
     """
     path = folder / "sensor.yaml"
-    told = path.is_file() and not set(read_mapping(path, (*ABOUT_LIDAR, *ABOUT_DATA))) <= set(ABOUT_DATA)
-    own = load_sensor(path) if told else default
+    own = (_from_file(path) if path.is_file() else None) or default
     if override is None:
         return own
     sensor = load_sensor(override)
@@ -125,16 +133,10 @@ def sensor_of_folder(folder: Path, override: str | Path | None, default: Sensor 
     return replace(sensor, vertical_correction=own.vertical_correction, motion_compensated=own.motion_compensated)
 
 
-def about_data(folder: Path, key: str) -> str | None:
-    """What the sensor.yaml of a data set's folder says of the data, by one of the keys ABOUT_DATA; None where nothing.
-
-    Raises InputError on a value that the key does not have.
-    """
-    path = folder / "sensor.yaml"
-    value = read_mapping(path, (*ABOUT_LIDAR, *ABOUT_DATA)).get(key) if path.is_file() else None
-    if value is not None and value not in ABOUT_DATA[key]:
-        raise InputError(f"{path}: '{key}' must be {' or '.join(ABOUT_DATA[key])}, not '{value}'")
-    return value
+def conventions_of_folder(folder: Path, override: str | Path | None) -> Conventions:
+    """How the scans of a data set are to be read: what its sensor.yaml says, and the file `override` before that."""
+    files = [folder / "sensor.yaml", *([Path(override)] if override is not None and _is_file(override) else [])]
+    return read_conventions([path for path in files if path.is_file()], KEYS)
 
 
 def kitti_sensor(folder: Path, override: str | Path | None, motion_compensated: bool) -> Sensor:

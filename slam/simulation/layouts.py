@@ -11,6 +11,7 @@ import numpy as np
 from slam.data import se3
 from slam.data.atomic import write_text, written_beside
 from slam.data.cloud import Array
+from slam.data.conventions import INSTANTS
 from slam.data.depth_map import DEPTH_SCALE
 from slam.data.pose_files import kitti_text
 from slam.simulation.camera import CAMERA
@@ -20,8 +21,6 @@ from slam.simulation.rig import Rig, SimulatedFrame
 SEQUENCE = "00"
 #: As small as zlib's default makes it, and quicker.
 PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY]
-#: The instants of a sweep that its stamp and pose can belong to, as fractions of it.
-STAMPS = {"start": 0.0, "middle": 0.5, "end": 1.0}
 #: What a .pcd file has of each point: `time` in seconds after the scan's stamp, as Velodyne's driver for ROS has it.
 FIELDS = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f4")])
 
@@ -86,7 +85,7 @@ class FolderLayout:
     """
 
     def __init__(self, folder: Path, period: float, stamp: str) -> None:
-        self._folder, self._period, self._instant = folder, period, STAMPS[stamp]
+        self._folder, self._period, self._instant = folder, period, INSTANTS[stamp]
 
     def files(self, number: int) -> dict[str, Path]:
         """See `Layout`."""

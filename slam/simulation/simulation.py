@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from slam.data.atomic import write_text
+from slam.data.conventions import INSTANTS
 from slam.data.errors import InputError
 from slam.data.machine import usable_cores
 from slam.data.sensor_names import SENSORS
@@ -24,7 +25,7 @@ from slam.simulation.drive_names import DRIVES
 from slam.simulation.drives import RATE, at_rate, built_in, from_file, thinned
 from slam.simulation.fingerprint import fingerprint
 from slam.simulation.heads import Lidar
-from slam.simulation.layouts import STAMPS, FolderLayout, KittiLayout, Layout
+from slam.simulation.layouts import FolderLayout, KittiLayout, Layout
 from slam.simulation.rig import Mount, Rig
 from slam.simulation.scene import SCENES
 
@@ -69,8 +70,8 @@ class SimulationConfig:
     def check(self) -> None:
         """Raise InputError on what does not exist or does not go together."""
         SENSORS.require(self.sensor)
-        if self.format not in ("kitti", "folder") or self.stamp not in STAMPS:
-            raise InputError(f"format '{self.format}', stamp '{self.stamp}': kitti or folder; {', '.join(STAMPS)}")
+        if self.format not in ("kitti", "folder") or self.stamp not in INSTANTS:
+            raise InputError(f"format '{self.format}', stamp '{self.stamp}': kitti or folder; {', '.join(INSTANTS)}")
         if self.stamp != "middle" and self.format == "kitti":
             raise InputError(f"--stamp {self.stamp}: KITTI's stamps are of mid-sweep; add --format folder")
         if self.stamp != "middle" and not self.distort:

@@ -60,7 +60,8 @@ class Sweep:
 def _placed(origin: Array, direction: Array, fraction: Array, pose: Array, motion: Array) -> tuple[Array, Array]:
     start, tip = origin, origin + direction
     if not np.array_equal(motion, STILL):
-        both = PointCloud(np.concatenate([start, tip]), np.zeros(2 * len(start)), time=np.tile(fraction, 2))
-        start, tip = np.split(deskew(both, motion).xyz, 2)
+        time = np.tile(fraction - np.float32(0.5), 2)  # in units of the sweep, from its middle
+        both = PointCloud(np.concatenate([start, tip]), np.zeros(2 * len(start)), time=time)
+        start, tip = np.split(deskew(both, se3.log(motion)).xyz, 2)
     rotation = pose[:3, :3].astype(np.float32)
     return turned(start, rotation) + pose[:3, 3], turned(tip - start, rotation)

@@ -32,7 +32,7 @@ def _street(sensor: Sensor, azimuth: Array) -> PointCloud:
     rho, angle, ring = rho[hit], angle[hit], ring[hit]
     xyz = np.column_stack([rho * np.cos(angle), rho * np.sin(angle), np.tan(sensor.elevation)[ring] * rho])
     xyz[:, 2] += sensor.offset[ring]
-    return PointCloud(xyz, np.linspace(0, 1, len(xyz)), ring=ring, time=0.5 + angle / (2 * np.pi))
+    return PointCloud(xyz, np.linspace(0, 1, len(xyz)), ring=ring, time=0.1 * angle / (2 * np.pi))
 
 
 @pytest.fixture(scope="session")

@@ -48,7 +48,7 @@ def test_predicted_points_lie_on_the_planes_with_time_and_sigma(sparse: Scan) ->
     off = np.minimum(np.abs(new.xyz[:, 2] + 1.7), np.abs(new.xyz[:, 0] - 15.0))
     assert np.mean(off < 0.01) > 0.9
     assert (new.ring % 4 != 0).all()
-    np.testing.assert_allclose(new.time, 0.5 + np.arctan2(new.xyz[:, 1], new.xyz[:, 0]) / (2 * np.pi), atol=2e-3)
+    np.testing.assert_allclose(new.time, 0.1 * np.arctan2(new.xyz[:, 1], new.xyz[:, 0]) / (2 * np.pi), atol=2e-4)
     assert new.sigma.min() >= 0.01
     assert (new.intensity >= 0).all()
     assert (new.intensity <= 1).all()

@@ -881,7 +881,7 @@ def enriched_times(bench: Bench) -> None:
         points = read_points(Path(f"e/000000.{suffix}"))
         cloud = open_dataset(path)[0].cloud
         assert cloud.time is not None
-        times = np.asarray(points.time)
+        times = points.times["time"]
         assert len(times) == len(points.xyz) > 2 * (len(cloud) // 4)
         assert times.min() == pytest.approx(cloud.time.min(), abs=0.01)
         assert times.max() == pytest.approx(cloud.time.max(), abs=0.01)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slam.data.beams import nearest_rings, recover_rings, rings_in_file_order, sweep_fraction
+from slam.data.beams import nearest_rings, recover_rings, rings_in_file_order, turn_times
 from slam.data.problem import spans
 from slam.data.sensor import load_sensor
 
@@ -78,8 +78,10 @@ def test_nearest_rings_need_no_order(hdl64_scan: Callable) -> None:
 
 def test_the_sweep_goes_from_the_rear_over_left_and_front_to_the_right() -> None:
     rear_left, left, front, right, rear_right = [-1, 0.001, 0], [0, 1, 0], [1, 0, 0], [0, -1, 0], [-1, -0.001, 0]
-    fraction = sweep_fraction(np.array([rear_left, left, front, right, rear_right], np.float32))
-    assert fraction == pytest.approx([0, 0.25, 0.5, 0.75, 1], abs=1e-3)
+    points = np.array([rear_left, left, front, right, rear_right], np.float32)
+    assert turn_times(points, 0.1) == pytest.approx([-0.05, -0.025, 0, 0.025, 0.05], abs=1e-4)
+    assert turn_times(points, 0.2, "start") == pytest.approx([0, 0.05, 0.1, 0.15, 0.2], abs=1e-4)
+    assert turn_times(points, 0.1, "end") == pytest.approx([-0.1, -0.075, -0.05, -0.025, 0], abs=1e-4)
 
 
 def test_spans_are_short() -> None:

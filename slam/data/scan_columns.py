@@ -1,0 +1,201 @@
+"""What the columns of a drive's scans mean, found once from its first scans: intensities, rings, times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from slam.data.beams import nearest_rings, recover_rings
+from slam.data.cloud import Array, PointCloud
+from slam.data.conventions import Conventions
+from slam.data.errors import InputError
+from slam.data.point_files import Points
+from slam.data.point_times import PointTimes, Sample, find_point_times
+from slam.data.problem import Problem
+from slam.data.sensor import Sensor
+
+SAMPLES = 8  # scans with points that are looked at
+MOST_RINGS = 1024  # of a sensor that nobody has named
+MANY = 0.05  # of a scan's points: where more have no ring, nothing is known of the others' either
+USUAL_INTENSITY = 255.0  # of most drivers
+BRIGHT = 99.0  # percentile that counts as full where values go beyond that
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """How the columns of a drive become the fields of a `PointCloud`.
+
+    Attributes:
+        times: The verdict on the points' times.
+        full_intensity: The value in the files that is an intensity of 1.
+        ring_of: (K,) the ring, 0 on top, of each ring number in the files, -1 where there is none such; None where the
+            files have no rings.
+        sensor: The LiDAR's laser lines, None where they are unknown.
+        problems: What is wrong with the columns as a whole.
+    """
+
+    times: PointTimes = field(default_factory=PointTimes)
+    full_intensity: float = USUAL_INTENSITY
+    ring_of: Array | None = None
+    sensor: Sensor | None = None
+    problems: tuple[Problem, ...] = ()
+
+    def cloud(self, points: Points, stamp: float, path: Path) -> tuple[PointCloud, tuple[Problem, ...]]:
+        """The cloud of a scan at `stamp` [s], in our units, and what is wrong with its columns; `path` names it."""
+        time, strays = self._time(points, stamp, path)
+        ring, bad, odd = self._ring(points, path)
+        cloud = PointCloud(points.xyz, self._intensity(points), ring, time)
+        if bad is not None:
+            cloud = cloud.select(~bad)
+        return cloud, (*strays, *odd)
+
+    def _intensity(self, points: Points) -> Array:
+        if points.intensity is None:
+            return np.zeros(len(points.xyz))
+        return np.clip(np.nan_to_num(points.intensity.astype(np.float64)) / self.full_intensity, 0, 1)
+
+    def _time(self, points: Points, stamp: float, path: Path) -> tuple[Array | None, tuple[Problem, ...]]:
+        if not self.times.field or len(points.xyz) == 0:
+            return None, ()
+        values = points.times.get(self.times.field)
+        found, missing = (None, len(points.xyz)) if values is None else self.times.seconds(values, stamp)
+        if not missing:
+            return found, ()
+        count = f"{path}: {missing} of {len(points.xyz)} points have no time within the sweep"
+        if found is None:
+            return None, (Problem("no point times", f"{count}; the scan is not deskewed"),)
+        return found, (Problem("stray point times", f"{count}; they take those of the points beside them"),)
+
+    def _ring(self, points: Points, path: Path) -> tuple[Array | None, Array | None, tuple[Problem, ...]]:
+        """Rings (N,) or None, which points are to be left out (N,) bool or None, and what was wrong."""
+        if len(points.xyz) == 0:
+            return None, None, ()
+        if self.ring_of is None or points.ring is None:
+            return (rings_by_lines(points.xyz, self.sensor) if self.sensor else None), None, ()
+        number = _whole(points.ring, len(self.ring_of))
+        ring = np.where(number < 0, -1, self.ring_of[number])
+        bad = ring < 0
+        if not bad.any():
+            return ring, None, ()
+        count = f"{path}: {bad.sum()} of {len(bad)} points have a ring that the sensor does not have"
+        if bad.mean() <= MANY:
+            return ring, bad, (Problem("ring unknown", f"{count}; they are left out"),)
+        if self.sensor is None:
+            return None, None, (Problem("ring unknown", f"{count}; the scan has none"),)
+        lines = rings_by_lines(points.xyz, self.sensor)
+        return lines, None, (Problem("ring unknown", f"{count}; the laser lines tell instead"),)
+
+
+def find_columns(
+    scans: Sequence[tuple[Points, float | None]],
+    sensor: Sensor | None = None,
+    said: Conventions | None = None,
+    period: float | None = None,
+    where: object = "the scans",
+) -> Columns:
+    """What the columns of a drive mean.
+
+    Args:
+        scans: Its first scans with their stamps [s], None where these are not known.
+        sensor: The LiDAR, None where it is unknown.
+        said: What the user says of fields and stamps.
+        period: Seconds from scan to scan, None where it is not known.
+        where: What to name in messages.
+
+    Raises:
+        InputError: The rings are not those of the sensor, or a field is not there that the user names.
+    """
+    said = said or Conventions()
+    scans = [(points, stamp) for points, stamp in scans if len(points.xyz)]
+    try:
+        times = find_point_times([Sample(points.times, points.xyz, stamp) for points, stamp in scans], period, said)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    if sensor is not None and sensor.motion_compensated:
+        times = PointTimes(why="the scans are motion-compensated already", sweep=times.sweep, stamp=times.stamp)
+    found = [points for points, _ in scans]
+    ring_of, problems = _ring_numbers(found, sensor, where)
+    return Columns(times, said.full_intensity or _full_intensity(found), ring_of, sensor, problems)
+
+
+def rings_by_lines(xyz: Array, sensor: Sensor) -> Array:
+    """(N,) int16. Scans in KITTI's order come out exactly, also after motion compensation, which moves points off their
+    lines; others take the nearest laser line."""
+    ring, found = recover_rings(xyz)
+    return ring if found == sensor.ring_count else nearest_rings(xyz, sensor)
+
+
+def _full_intensity(scans: Sequence[Points]) -> float:
+    """1, 255 (Velodyne and most others), or what only the brightest of 16-bit values reach."""
+    known = [points.intensity for points in scans if points.intensity is not None]
+    if any(values.dtype == np.uint8 for values in known):
+        return USUAL_INTENSITY
+    values = np.concatenate([np.nan_to_num(values.astype(np.float64)) for values in known] or [np.zeros(1)])
+    most = float(values.max())
+    if most <= 1:
+        return 1.0
+    return USUAL_INTENSITY if most <= USUAL_INTENSITY else max(float(np.percentile(values, BRIGHT)), USUAL_INTENSITY)
+
+
+def _whole(ring: Array, count: int) -> Array:
+    """(N,) int64: the numbers of rings, -1 for what is none of 0 .. count - 1."""
+    with np.errstate(invalid="ignore"):
+        sound = np.isfinite(ring) & (ring >= 0) & (ring < count) & (ring == np.floor(ring))
+    return np.where(sound, np.where(sound, ring, 0).astype(np.int64), -1)
+
+
+def _ring_numbers(
+    scans: Sequence[Points], sensor: Sensor | None, where: object
+) -> tuple[Array | None, tuple[Problem, ...]]:
+    """Which ring each number in the files is, (K,), None where there are none."""
+    scans = [points for points in scans if points.ring is not None]
+    if not scans:
+        return None, ()
+    xyz = np.concatenate([points.xyz for points in scans])
+    values = np.concatenate([np.asarray(points.ring, np.float64) for points in scans])
+    known, count = _whole(values, MOST_RINGS), sensor.ring_count if sensor else MOST_RINGS
+    from_one = bool(sensor and known.max() == count and values.min() >= 1)
+    numbers = known - from_one
+    wrong = (numbers < 0) | (numbers >= count)
+    if wrong.mean() > MANY:
+        text = f"{where}: rings {np.nanmin(values):.0f} to {np.nanmax(values):.0f}"
+        if sensor:
+            limit = f"the sensor {sensor.name} has {count}"
+            raise InputError(f"{text}, but {limit}; name the right one with --sensor")
+        return None, (Problem("ring unknown", f"{text}, but 0 to {count - 1} make sense; the scans have none"),)
+    xyz, numbers = xyz[~wrong], numbers[~wrong]
+    if sensor is None:
+        # The next power of two stands for the rings, since the uppermost ones often see nothing but sky.
+        count = max(16, 1 << int(numbers.max()).bit_length())
+    ring_of = _from_top(xyz, numbers, count, sensor)
+    return np.concatenate([[-1], ring_of]) if from_one else ring_of, ()
+
+
+def _from_top(xyz: Array, numbers: Array, count: int, sensor: Sensor | None) -> Array:
+    """(count,) the ring of each number 0 .. count - 1: Velodyne's drivers count from the bottom, others from the top,
+    and numbers of lasers in the order in which they fire go up and down."""
+    slope = xyz[:, 2] / np.maximum(np.hypot(xyz[:, 0], xyz[:, 1]), 1e-3)
+    present = np.unique(numbers)
+    heights = np.array([np.median(slope[numbers == number]) for number in present])
+    down, up = np.arange(count), np.arange(count)[::-1]
+    trend = float(np.mean((present - present.mean()) * (heights - heights.mean())))
+    straight = up if trend > 0 else down
+    order = present[np.argsort(-heights, kind="stable")]
+    if len(present) < 4 or _share_in_order(straight[order]) > 0.8:
+        return straight
+    if sensor is None:
+        return np.concatenate([order, np.setdiff1d(down, order)]).argsort()
+    lines, fired = nearest_rings(xyz, sensor), np.full(count, -1)
+    fired[present] = [np.bincount(lines[numbers == number], minlength=count).argmax() for number in present]
+    unique = len(np.unique(fired[present])) == len(present)
+    missing = np.setdiff1d(down, fired[present])
+    fired[fired < 0] = missing[: int((fired < 0).sum())]
+    return fired if unique else straight
+
+
+def _share_in_order(rings: Array) -> float:
+    """Of the steps between them, how many go down the sensor."""
+    return float(np.mean(np.diff(rings) > 0)) if len(rings) > 1 else 1.0

@@ -1,0 +1,165 @@
+"""The scans of a folder: which files they are, in which order, and what their names say of when they were taken."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from slam.data.cloud import Array
+from slam.data.files import natural_key
+from slam.data.point_files import SUFFIXES
+from slam.data.stamp_digits import PER_SECOND, epoch_unit, seconds_of_pairs, unevenness
+
+SCAN_FOLDERS = ("scans", "velodyne", "points", ".")
+#: What a run leaves in its folder that looks like a scan.
+OWN = ("map.pcd",)
+COUNTED = 10**4  # a larger step between names is of a clock: us, or ns from
+COUNTED_NS = 10**7  # on
+LEAST_DECIMALS = 3  # after a point, where nothing else says that it is one of seconds
+EVEN = 0.2  # `unevenness` of stamps, below which they are taken for some though there are fewer
+DATE = re.compile(
+    r"(?<![0-9])(20[0-9]{2})[-_.]?([01][0-9])[-_.]?([0-3][0-9])[-_T ]?"
+    r"([0-2][0-9])[-_.:h]?([0-5][0-9])[-_.:m]?([0-6][0-9])[-_.s]?([0-9]{1,9})?"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ScanNames:
+    """N scans in their order.
+
+    Attributes:
+        files: Their paths.
+        numbers: (N,) int64, the last number in each name where these rise, else 0, 1, ...
+        stamps: (N,) [s], where the names are stamps, else None; and
+        unit: what they were read as.
+    """
+
+    files: list[Path]
+    numbers: Array
+    stamps: Array | None = None
+    unit: str = ""
+
+
+def scans_in(path: Path) -> list[Path]:
+    """The scan files of a folder, or of one of its SCAN_FOLDERS, in their order; empty where there are none.
+
+    Hidden files are none: macOS leaves `._000000.bin` beside a file. Nor is the map of a run.
+    """
+    return named_scans(path).files
+
+
+def named_scans(path: Path) -> ScanNames:
+    """The same with what their names say."""
+    for folder in (path / name for name in SCAN_FOLDERS):
+        if folder.is_dir():
+            files = [file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES]
+            files = [file for file in files if not file.name.startswith(".") and file.name not in OWN]
+            if files:
+                return in_order(files)
+    return ScanNames([], np.zeros(0, np.int64))
+
+
+def in_order(files: Sequence[Path]) -> ScanNames:
+    """Files, scans or images, sorted by the stamps or the numbers in their names."""
+    files = sorted(files, key=natural_key)
+    found = _stamps_of([_stem(file) for file in files])
+    if found is None:
+        return ScanNames(files, numbers_of(files))
+    stamps, unit = found
+    order = np.argsort(stamps, kind="stable")
+    return ScanNames([files[at] for at in order], np.arange(len(files)), stamps[order], unit)
+
+
+def numbers_of(files: Sequence[Path]) -> Array:
+    """(N,) int64: the last number in each name that is not the same in all, where these rise, else 0, 1, ..."""
+    columns = _varying(_digits([_stem(file) for file in files]))
+    numbers = [int(text) for text in columns[-1]] if columns else [int(number) for number in _last_numbers(files)]
+    rising = all(before < after for before, after in pairwise(numbers))
+    if len(numbers) == len(files) and rising and numbers and numbers[-1] < 2**63:
+        return np.array(numbers, np.int64)
+    return np.arange(len(files))
+
+
+def _last_numbers(files: Sequence[Path]) -> list[str]:
+    """Of names that are not built alike: those that have one."""
+    return [found[-1] for file in files if (found := re.findall(r"[0-9]+", _stem(file)))]
+
+
+def _stem(file: Path) -> str:
+    """The name without its suffix; nuScenes' end in .pcd.bin."""
+    stem = Path(file.stem)
+    return stem.stem if stem.suffix.lower() in SUFFIXES else file.stem
+
+
+def _digits(stems: Sequence[str]) -> list[tuple[str, ...]]:
+    """The digits in names that are built alike: a tuple of N texts for each place, none where they are not."""
+    if len({re.sub(r"[0-9]+", "0", stem) for stem in stems}) != 1:
+        stems = [stem if "." in stem else f"{stem}.0" for stem in stems]  # 17 among 16.9 and 17.1
+        if not all(re.fullmatch(r"[0-9]+\.[0-9]+", stem) for stem in stems):
+            return []
+    return list(zip(*(re.findall(r"[0-9]+", stem) for stem in stems), strict=True))
+
+
+def _varying(columns: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Without the last ones that are the same in all names."""
+    while len(columns) > 1 and len(set(columns[-1])) == 1 and len(columns[-1]) > 1:
+        columns = columns[:-1]
+    return columns
+
+
+def _stamps_of(stems: Sequence[str]) -> tuple[Array, str] | None:
+    """Stamps (N,) [s] and how they were read, None where the names are something else."""
+    columns = _varying(_digits(stems))
+    if not columns:
+        return None
+    if (dates := _dates(stems)) is not None:
+        return dates, "dates"
+    separators = re.findall(r"(?<=[0-9])[^0-9]+(?=[0-9])", stems[0])
+    if len(columns) > 1:
+        whole, part, separator = columns[-2], columns[-1], separators[len(columns) - 2]
+        if _in_two_parts(whole, part, separator):
+            return seconds_of_pairs(whole, part, separator == ".")
+    values = [int(text) for text in columns[-1]]
+    unit = _unit(np.array(values, np.float64))
+    return (np.array([value / PER_SECOND[unit] for value in values]), unit) if unit else None
+
+
+def _in_two_parts(whole: Sequence[str], part: Sequence[str], separator: str) -> bool:
+    """Are these seconds and their fraction, or 2 numbers of other things?"""
+    if epoch_unit(np.array([float(text) for text in whole])) == "s":
+        return separator in (".", "_", "-")
+    if separator != ".":
+        return False
+    if max(len(text) for text in part) >= LEAST_DECIMALS:
+        return True
+    stamps = np.sort([float(f"{a}.{b}") for a, b in zip(whole, part, strict=True)])
+    return len(set(whole)) > 1 and unevenness(stamps) < EVEN
+
+
+def _dates(stems: Sequence[str]) -> Array | None:
+    """Seconds since 1970 (N,) of names with a date and a time of day, all different, else None."""
+    found = [DATE.search(stem) for stem in stems]
+    try:
+        texts = ["{}-{}-{}T{}:{}:{}.{}".format(*match.groups("0")) for match in found if match]
+        dates = np.array(texts, "datetime64[ns]")
+    except ValueError:  # a 13th month
+        return None
+    if len(dates) < len(stems) or len(np.unique(dates)) < len(stems):
+        return None
+    return np.array([int(nanoseconds) / 10**9 for nanoseconds in dates.astype(np.int64)])
+
+
+def _unit(values: Array) -> str | None:
+    """Of whole numbers (N,) that are stamps: times since 1970, or such as step too far for numbers of frames."""
+    unit, steps = epoch_unit(values), np.diff(np.sort(values))
+    if unit:
+        return unit
+    step = float(np.median(steps)) if len(steps) > 1 else 0.0
+    if step < COUNTED:
+        return None
+    return "us" if step < COUNTED_NS else "ns"
