@@ -90,5 +90,6 @@ def _write(path: Path, cloud: PointCloud) -> None:
     else:
         assert cloud.ring is not None
         time = {} if cloud.time is None else {"time": cloud.time}
-        fields = {"ring": cloud.ring.astype("uint16"), "sigma": cloud.sigma, "measured": cloud.measured}
+        ring = cloud.ring.astype("uint16" if path.suffix == ".pcd" else "int32")  # Open3D drops 16 bits of a PLY
+        fields = {"ring": ring, "sigma": cloud.sigma, "measured": cloud.measured}
         write_points(path, cloud, fields | time)

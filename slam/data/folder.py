@@ -10,6 +10,7 @@ from slam.data.calibration_file import read_calibration
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
 from slam.data.files import SCAN_PERIOD, gaps
+from slam.data.first_scans import reading_of
 from slam.data.ground_truth import read_ground_truth
 from slam.data.images import image_folder, image_problems, match_images, no_image
 from slam.data.point_files import SUFFIXES, Points, read_points
@@ -39,6 +40,7 @@ class UserFolder:
         stamp: The instant of a sweep that stamps belong to, 'start', 'middle' or 'end'. By default the points' times
             tell.
         point_time: The field with the points' times, FIELD or FIELD:UNIT. By default the first that can have them.
+        columns: What stands in .bin and .npy files, as in 'x,y,z,intensity,ring'. By default the numbers tell.
     """
 
     LAYOUT = "scans (.bin, .pcd, .ply, .npy) in the folder itself or in its scans/, velodyne/ or points/"
@@ -55,6 +57,7 @@ class UserFolder:
         *,
         stamp: str | None = None,
         point_time: str | None = None,
+        columns: str | None = None,
     ) -> None:
         self.path = path
         self.name = path.resolve().name
@@ -64,6 +67,7 @@ class UserFolder:
         if len(kinds) != 1:
             fault = f"scans of several kinds ({', '.join(kinds)}); keep one" if kinds else "no scans in it"
             raise InputError(f"{path}: {fault}; {', '.join(SUFFIXES)} files are read")
+        self.reading, told = reading_of(self._files, columns)
         self.sensor = sensor_of_folder(path, sensor)
         said = conventions_of_folder(path, sensor).said(stamp, point_time)
         step = max(int(np.median(np.diff(self.numbers))), 1) if len(self) > 1 else 1
@@ -81,7 +85,7 @@ class UserFolder:
         self.ground_truth, self.truth_readings = truth.poses, truth.readings
         beside = (*uncalibrated, *unmatched, *truth.problems)
         missing = gaps(self.numbers, self._files[0].parent, step)
-        self.problems = (*missing, *unusual, *slow, *self._columns.problems, *beside)
+        self.problems = (*told, *missing, *unusual, *slow, *self._columns.problems, *beside)
 
     def __len__(self) -> int:
         return len(self._files)
@@ -111,7 +115,7 @@ class UserFolder:
     def _points(self, position: int) -> Points:
         """A scan as its file has it. What is wrong with a single one does not end a drive: it is empty, and told."""
         try:
-            return read_points(self._files[position])
+            return read_points(self._files[position], self.reading)
         except InputError as error:
             if position in (0, -len(self)):
                 raise

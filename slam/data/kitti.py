@@ -9,8 +9,10 @@ import numpy as np
 from slam.data.beams import rings_in_file_order, turn_times
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
-from slam.data.files import SCAN_PERIOD, files_by_number, read_bin
+from slam.data.files import SCAN_PERIOD, files_by_number
+from slam.data.first_scans import reading_of
 from slam.data.images import IMAGE_SUFFIXES, ImageFile, image_problems, no_image
+from slam.data.point_files import read_points
 from slam.data.point_times import PointTimes, azimuth_times
 from slam.data.sensor import Sensor
 from slam.data.stamps import usual_step
@@ -35,6 +37,7 @@ class KittiDrive:
         self._scans = files_by_number(scans, (".bin",))
         if not self._scans:
             raise InputError(f"{scans}: no scans in it; KITTI's are numbered .bin files, like 000000.bin")
+        self._reading, self._told = reading_of(list(self._scans.values()))
         self._image_folder, self._images = images, files_by_number(images, IMAGE_SUFFIXES)
         self.numbers = np.array(list(self._scans), np.int64)
 
@@ -59,7 +62,9 @@ class KittiDrive:
 
     def __getitem__(self, position: int) -> Frame:
         number = int(self.numbers[position])
-        xyz, intensity, problems = read_bin(self._scans[number])
+        points = read_points(self._scans[number], self._reading)
+        xyz, problems = points.xyz, points.problems
+        intensity = np.zeros(len(xyz)) if points.intensity is None else np.nan_to_num(points.intensity)
         ring, odd = rings_in_file_order(xyz, self.sensor, self._scans[number])
         time = None if self.sensor.motion_compensated else turn_times(xyz, self.scan_period, self._stamp)
         image = ImageFile(self._images[number]) if number in self._images else None

@@ -54,7 +54,7 @@ class KittiOdometry(KittiDrive):
         self.stamps, slow = self._read_stamps()
         self.calibration, uncalibrated = self._read_calibration()
         self.ground_truth, untrue = self._read_ground_truth()
-        self.problems = (*gaps(self.numbers, path / "velodyne"), *slow, *uncalibrated, *untrue)
+        self.problems = (*self._told, *gaps(self.numbers, path / "velodyne"), *slow, *uncalibrated, *untrue)
 
     def _read_stamps(self) -> tuple[Array, tuple[Problem, ...]]:
         path = self.path / "times.txt"

@@ -50,7 +50,7 @@ class KittiRaw(KittiDrive):
         self.stamps, start, unusual = self._read_stamps()
         self.calibration, uncalibrated = self._read_calibration()
         self.ground_truth, untrue = self._read_ground_truth(start)
-        self.problems = (*gaps(self.numbers, path / "velodyne_points"), *unusual, *uncalibrated, *untrue)
+        self.problems = (*self._told, *gaps(self.numbers, path / "velodyne_points"), *unusual, *uncalibrated, *untrue)
 
     def _read_stamps(self) -> tuple[Array, np.datetime64 | None, tuple[Problem, ...]]:
         """Stamps (N,) [s] from the first scan on, its own, and what is wrong with them."""

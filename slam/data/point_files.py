@@ -1,19 +1,26 @@
-"""Scans of a user's own: .bin, .npy, .pcd and .ply files as columns of numbers, in whatever units they have."""
+"""Scans of a user's own: .bin, .npy, .pcd, .ply, .las and .laz files as columns of numbers, in whatever units they
+have."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
+from slam.data.bin_layout import Layout, read_bin, told_layout
 from slam.data.cloud import Array
 from slam.data.errors import InputError
-from slam.data.files import read_bin, sound_points
+from slam.data.npy import columns_of, read_npy
+from slam.data.pcd import read_pcd
+from slam.data.ply import read_ply
+from slam.data.point_blocks import Content, UnreadableError
 from slam.data.problem import Problem
+from slam.data.sound_points import Offset, gathered, map_frame
 
-SUFFIXES = (".bin", ".pcd", ".ply", ".npy")
+SUFFIXES = (".bin", ".pcd", ".ply", ".npy", ".las", ".laz")
 #: What drivers call the same thing (Velodyne, Ouster, Hesai, Livox, RoboSense, CloudCompare), in lower case.
 NAMES = {
     "intensity": ("intensity", "i", "reflectivity", "reflectance", "remission", "scalar_intensity"),
@@ -26,6 +33,9 @@ NAMES = {
         *("gps_time", "gpstime", "scalar_t", "scalar_timestamp", "scalar_gpstime", "scalar_gps_time"),
     ),
 }
+#: Colour in one number, as PCL packs it, or in three.
+PACKED, CHANNELS = ("rgb", "rgba"), (("red", "green", "blue"), ("r", "g", "b"))
+WANTED = frozenset(name for names in ("xyz", *NAMES.values(), PACKED, *CHANNELS) for name in names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +49,7 @@ class Points:
         times: Every field that may be the points' time, (N,) in the file's unit and type (uint32 ns, float64 s, ...),
             by its name in lower case, in the order of `NAMES["time"]`.
         colour: (N, 3) uint8 RGB, or None.
+        offset: What was subtracted from the file's coordinates [m], which are those of a map's frame if it is not 0.
         problems: What is wrong with the file, and was gone around.
     """
 
@@ -47,22 +58,42 @@ class Points:
     ring: Array | None = None
     times: Mapping[str, Array] = field(default_factory=dict)
     colour: Array | None = None
+    offset: Offset = (0.0, 0.0, 0.0)
     problems: tuple[Problem, ...] = ()
 
 
-def read_points(path: Path) -> Points:
-    """The sound points of a scan; what is damaged is left out and reported.
+@dataclass(frozen=True)
+class Reading:
+    """How the scans of a drive are to be read, where the files do not say it.
 
-    Points at the origin are left out silently: drivers write them where a laser got no answer. Raises InputError
-    where the file holds something else than points.
+    Attributes:
+        layout: The columns of tables without names: .bin, and .npy of other than 3 or 4 columns.
+        offset: What to subtract from coordinates in a map's frame [m], the same for all scans.
     """
-    suffix = path.suffix.lower()
-    if suffix == ".bin":
-        xyz, intensity, problems = read_bin(path)
-        points = Points(xyz, intensity, problems=problems)
-    else:
-        points = _from_npy(path) if suffix == ".npy" else _from_open3d(path)
-    return _sound(points, path)
+
+    layout: Layout | None = None
+    offset: Offset | None = None
+
+
+def read_points(path: Path, reading: Reading = Reading()) -> Points:  # immutable
+    """The sound points of a scan; what is damaged is left out and reported. Nothing in a file raises.
+
+    Points at the origin, and NaN where a laser got no answer, are left out silently. What cannot be read at all gives
+    no points and the problem 'missing scan'.
+
+    Args:
+        path: A file with one of `SUFFIXES`.
+        reading: What the file does not say; where nobody does, the file's own points have to tell.
+
+    Raises:
+        InputError: The file is LAS, and laspy is not installed.
+    """
+    return _read(path, reading, everything=False)
+
+
+def read_cloud(path: Path) -> Points:
+    """All finite points of a map, however far they are from its origin. See `read_points`."""
+    return _read(path, Reading(), everything=True)
 
 
 def points_of(table: Array, name: Path) -> Points:
@@ -76,83 +107,77 @@ def points_of(table: Array, name: Path) -> Points:
     Raises:
         InputError: The array is of another shape or has other fields.
     """
-    return _sound(_from_table(table, name), name)
+    try:
+        return _points(columns_of(table, WANTED), name, None, everything=False)
+    except UnreadableError as error:
+        raise InputError(f"{name}: {error}") from error
 
 
-def _sound(points: Points, path: Path) -> Points:
-    sound, found = sound_points(path, points.xyz)
-    kept = sound & points.xyz.any(axis=1)
-    if not kept.all():
-        points = replace(
-            points,
-            xyz=points.xyz[kept],
-            intensity=None if points.intensity is None else points.intensity[kept],
-            ring=None if points.ring is None else points.ring[kept],
-            times={name: values[kept] for name, values in points.times.items()},
-            colour=None if points.colour is None else points.colour[kept],
-        )
-    problems = points.problems + found
-    if not kept.any() and not any(problem.kind in ("empty scan", "missing scan") for problem in problems):
-        problems += (Problem("empty scan", f"{path}: no points in it"),)
-    return replace(points, problems=problems)
-
-
-def _unreadable(path: Path, reason: str) -> Points:
+def _read(path: Path, reading: Reading, everything: bool) -> Points:
+    try:
+        with path.open("rb") as file:
+            size = path.stat().st_size
+            if size == 0 and path.suffix.lower() != ".bin":
+                raise UnreadableError("nothing in it")
+            return _points(_content(file, size, path, reading), path, reading.offset, everything)
+    except OSError as error:
+        reason = "no such file" if isinstance(error, FileNotFoundError) else str(error.strerror or error)
+    except UnreadableError as error:
+        reason = str(error)
+    except MemoryError:
+        reason = "too large for the memory of this machine"
     problem = Problem("missing scan", f"{path}: cannot be read ({reason}); no points used")
     return Points(np.zeros((0, 3), np.float32), problems=(problem,))
 
 
-def _from_npy(path: Path) -> Points:
-    try:
-        with path.open("rb") as file:
-            table = np.lib.format.read_array(file, allow_pickle=False)
-    except OSError as error:
-        return _unreadable(path, str(error.strerror or error))
-    except ValueError as error:
-        if "allow_pickle" in str(error):
-            text = f"{path}: holds Python objects, which are not read; save a plain array: np.save(file, points)"
-            raise InputError(text) from error
-        return _unreadable(path, "damaged, or not an .npy file")
-    return _from_table(table, path)
+def _content(file: BinaryIO, size: int, path: Path, reading: Reading) -> Content:
+    match path.suffix.lower():
+        case ".bin":
+            layout = reading.layout or told_layout([path])
+            return read_bin(file, size, WANTED, layout)
+        case ".npy":
+            return read_npy(file, size, WANTED, None if reading.layout is None else reading.layout.names)
+        case ".pcd":
+            return read_pcd(file, size, WANTED)
+        case ".ply":
+            return read_ply(file, size, WANTED)
+        case ".las" | ".laz":
+            from slam.data.las import read_las
+
+            return read_las(file, size, WANTED, path)
+        case suffix:
+            raise UnreadableError(f"'{suffix}' is not one of {', '.join(SUFFIXES)}")
 
 
-def _from_table(table: Array, path: Path) -> Points:
-    if table.dtype.names:
-        columns = {name.lower(): table[name].ravel() for name in table.dtype.names}
-        if not {"x", "y", "z"} <= set(columns):
-            raise InputError(f"{path}: fields x, y and z are needed; it has {', '.join(columns)}")
-        return _from_columns(np.column_stack([columns[axis] for axis in "xyz"]), columns)
-    if table.ndim != 2 or table.shape[1] not in (3, 4) or table.dtype.kind not in "fiu":
-        raise InputError(f"{path}: {table.dtype} of shape {table.shape}; numbers of shape N x 3 or N x 4 are expected")
-    return _from_columns(table[:, :3], {"intensity": table[:, 3]} if table.shape[1] == 4 else {})
-
-
-def _from_open3d(path: Path) -> Points:
-    if not path.is_file() or path.stat().st_size == 0:
-        return _unreadable(path, "no such file" if not path.exists() else "nothing in it")
-    import open3d  # takes a second to import, so only those who need it pay
-
-    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
-        try:
-            cloud = open3d.t.io.read_point_cloud(path)
-        except RuntimeError:  # its message is for programmers
-            cloud = None
-    if cloud is None or "positions" not in cloud.point:
-        return _unreadable(path, f"damaged, or not a {path.suffix} file with points")
-    columns = {name.lower(): cloud.point[name].numpy() for name in cloud.point if name != "positions"}
-    single = {name: column[:, 0] for name, column in columns.items() if column.ndim == 2 and column.shape[1] == 1}
-    colour = columns.get("colors")
-    points = _from_columns(cloud.point["positions"].numpy(), single)
-    return points if colour is None or colour.dtype != np.uint8 else replace(points, colour=colour)
-
-
-def _from_columns(xyz: Array, columns: Mapping[str, Array]) -> Points:
-    with np.errstate(over="ignore"):  # what float32 cannot hold becomes infinite, and is counted as such
-        xyz = np.ascontiguousarray(xyz, np.float32)
-    intensity, ring = (_first(columns, NAMES[kind]) for kind in ("intensity", "ring"))
-    times = {name: columns[name] for name in NAMES["time"] if name in columns}
-    return Points(xyz, intensity, ring, times)
+def _points(content: Content, path: Path, offset: Offset | None, everything: bool) -> Points:
+    found, subtracted = gathered(content, everything, offset)
+    problems = [Problem(kind, f"{path}: {text}") for kind, text in content.faults]
+    if len(found["xyz"]) == 0:
+        problems.append(Problem("empty scan", f"{path}: no points in it"))
+    elif offset is None and any(subtracted):
+        problems.append(Problem("map coordinates", f"{path}: {map_frame(subtracted)}"))
+    intensity, ring = (_first(found, NAMES[kind]) for kind in ("intensity", "ring"))
+    times = {name: found[name] for name in NAMES["time"] if name in found}
+    return Points(found["xyz"], intensity, ring, times, _colour(found), subtracted, tuple(problems))
 
 
 def _first(columns: Mapping[str, Array], names: Sequence[str]) -> Array | None:
     return next((columns[name] for name in names if name in columns), None)
+
+
+def _colour(columns: Mapping[str, Array]) -> Array | None:
+    """(N, 3) uint8 of three columns or of one, in which red is the third byte from the right."""
+    packed = _first(columns, PACKED)
+    if packed is not None:
+        bits = packed.astype(np.float32).view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
+        return np.column_stack([bits >> 16, bits >> 8, bits]).astype(np.uint8)
+    names = next((names for names in CHANNELS if columns.keys() >= set(names)), None)
+    if names is None:
+        return None
+    colour = np.column_stack([columns[name] for name in names])
+    if colour.dtype.kind == "f":  # 0..1
+        colour = np.clip(np.nan_to_num(colour), 0, 1) * 255 if len(colour) and colour.max() <= 1 else colour
+    elif colour.dtype.itemsize > 1 and len(colour) and colour.max() > 255:  # LAS: 16 bits
+        colour = colour >> 8
+    with np.errstate(invalid="ignore"):
+        return colour.astype(np.uint8)

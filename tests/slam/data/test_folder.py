@@ -1,13 +1,15 @@
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
-import open3d
 import pytest
 
+from slam.data.cloud import PointCloud
 from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
+from slam.data.point_writer import write_points
 from slam.data.sensor import load_sensor
 
 POINTS = np.array([[10, 0, 1, 0.5], [0, 10, 0, 0.25], [-10, 0, -1, 1]], np.float32)
@@ -31,10 +33,17 @@ def kinds(problems: tuple) -> list[str]:
 
 
 def write_cloud(path: Path, **fields: np.ndarray) -> None:
-    cloud = open3d.t.geometry.PointCloud(POINTS[:, :3].copy())
-    for name, values in fields.items():
-        cloud.point[name] = values.reshape(-1, 1)
-    open3d.t.io.write_point_cloud(str(path), cloud)
+    """Without intensity but for what is in `fields`."""
+    write_points(path, PointCloud(POINTS[:, :3], np.zeros(3)), fields)
+    path.write_bytes(path.read_bytes().replace(b" intensity", b" unused", 1))
+
+
+def cloud_file(path: Path) -> Path:
+    if path.suffix == ".npy":
+        np.save(path, POINTS)
+    else:
+        write_points(path, PointCloud(POINTS[:, :3], POINTS[:, 3]))
+    return path
 
 
 def test_scans_come_in_the_order_of_their_numbers(folder: Path) -> None:
@@ -139,18 +148,30 @@ def test_a_pickle_is_never_executed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("table", [np.zeros((2, 7)), np.zeros(4), np.zeros((2, 3), "U1")])
 def test_arrays_that_are_no_points_are_refused(tmp_path: Path, table: np.ndarray) -> None:
     np.save(tmp_path / "1.npy", table)
-    with pytest.raises(InputError, match="N x 3 or N x 4"):
+    with pytest.raises(InputError, match=r"N x 3 or N x 4|what the columns are: --columns"):
         open_dataset(tmp_path)[0]
 
 
 @pytest.mark.parametrize("suffix", [".pcd", ".ply", ".npy"])
 @pytest.mark.parametrize("content", [b"", b"nothing of the kind"])
 def test_damaged_files_give_an_empty_cloud_and_a_problem(tmp_path: Path, suffix: str, content: bytes) -> None:
-    (tmp_path / f"1{suffix}").write_bytes(content)
-    frame = open_dataset(tmp_path)[0]
-    assert len(frame.cloud) == 0
-    assert kinds(frame.problems) == ["missing scan"]
-    assert f"1{suffix}" in frame.problems[0].message
+    for number in (0, 3):
+        shutil.copy(cloud_file(tmp_path / f"cloud{suffix}"), tmp_path / f"{number}{suffix}")
+    (tmp_path / f"cloud{suffix}").unlink()
+    for number in (1, 2):
+        (tmp_path / f"{number}{suffix}").write_bytes(content)
+    frames = list(open_dataset(tmp_path))  # type: ignore[call-overload]
+    assert [len(frame.cloud) for frame in frames] == [3, 0, 0, 3]
+    assert kinds(frames[1].problems) == ["missing scan"]
+    assert f"1{suffix}" in frames[1].problems[0].message
+
+
+@pytest.mark.parametrize("suffix", [".pcd", ".ply", ".npy"])
+def test_a_folder_is_refused_where_none_of_the_first_scans_can_be_read(tmp_path: Path, suffix: str) -> None:
+    for number in range(4):
+        (tmp_path / f"{number}{suffix}").write_bytes(b"nothing of the kind")
+    with pytest.raises(InputError, match=rf"0\{suffix}: cannot be read .*; nor can the next 2$"):
+        open_dataset(tmp_path)
 
 
 def test_returns_at_the_origin_are_no_returns_and_nan_is_counted(tmp_path: Path) -> None:

@@ -1,0 +1,64 @@
+"""What the first scans of a folder tell of all of them, before any is used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from slam.data.bin_layout import KITTI, Layout, parsed_columns, told_layout
+from slam.data.errors import InputError
+from slam.data.point_blocks import UnreadableError
+from slam.data.point_files import Reading, read_points
+from slam.data.problem import Problem
+from slam.data.sound_points import map_frame
+
+#: How many files are looked at.
+FIRST = 3
+
+
+def reading_of(files: Sequence[Path], columns: str | None = None) -> tuple[Reading, tuple[Problem, ...]]:
+    """How the scans of a folder are to be read, and what has been assumed for that.
+
+    Args:
+        files: The scans, all of one kind, in their order.
+        columns: What the user says of the columns of .bin and .npy files, as in 'x,y,z,intensity,ring'.
+
+    Raises:
+        InputError: None of the first scans can be read; the columns cannot be told; `columns` makes no sense, or is
+            said of files that name their own.
+    """
+    layout, told = _layout(files, columns)
+    found = []
+    for path in files[:FIRST]:
+        found.append(read_points(path, Reading(layout)))
+        if not any(problem.kind == "missing scan" for problem in found[-1].problems):
+            break
+    else:
+        raise InputError(found[0].problems[0].message.replace("; no points used", "") + _likewise(files))
+    offset = found[-1].offset
+    if not any(offset):
+        return Reading(layout), told
+    return Reading(layout, offset), (*told, Problem("map coordinates", f"{files[0].parent}: {map_frame(offset)}"))
+
+
+def _likewise(files: Sequence[Path]) -> str:
+    more = min(len(files), FIRST) - 1
+    return f"; nor can the next {more}" if more else ""
+
+
+def _layout(files: Sequence[Path], columns: str | None) -> tuple[Layout | None, tuple[Problem, ...]]:
+    suffix = files[0].suffix.lower()
+    if columns is not None:
+        if suffix not in (".bin", ".npy"):
+            raise InputError(f"--columns {columns}: {suffix} files name their columns; leave it out")
+        return parsed_columns(columns), ()
+    if suffix != ".bin":
+        return None, ()
+    try:
+        layout = told_layout(files[:FIRST])
+    except UnreadableError as error:
+        raise InputError(f"{files[0]}: {error}") from error
+    if layout == KITTI:
+        return layout, ()
+    text = f"{files[0].parent}: by the numbers in them a point is {layout}; if it is not, say so with --columns"
+    return layout, (Problem("columns told by the numbers", text),)
