@@ -14,13 +14,14 @@ from lidarlift.front_ends import front_end_for, settings_for
 from slam import pipeline
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
-from slam.data.folder import to_cloud
 from slam.data.point_files import points_of
+from slam.data.scan_columns import Columns, find_columns
 from slam.data.sensor import load_sensor
 from slam.run import FrameRecord, Run, Source
 from slam.settings import Config
 
 NAME, EMPTY = "live", PointCloud(np.zeros((0, 3)), np.zeros(0))
+UNKNOWN = Columns()  # before the first scan with points
 
 
 class Slam:
@@ -78,6 +79,7 @@ class Slam:
             source=Source(NAME, sensor=self._sensor, calibration=calibration),
             sweep_duration=1 / sweeps_per_second,
         )
+        self._period, self._columns = 1 / sweeps_per_second, UNKNOWN
 
     def __enter__(self) -> Self:
         self._slam.__enter__()
@@ -94,9 +96,12 @@ class Slam:
         Args:
             points: In the sensor's frame (x forward, y left, z up), metres: (N, 3) x y z, (N, 4) with intensity, or a
                 structured array, as drivers deliver it, with fields x, y, z and, where there are, intensity, ring and
-                time. Without a ring field, rings are taken from the sensor's laser lines. Or a cloud that is ready.
-            stamp: Seconds, of the middle of the sweep. One that does not rise, or jumps, is a problem of the run that
-                `finish` returns.
+                time. What these mean (the unit of time, whether it counts from the stamp or is a clock's) is found from
+                the first scan with points. Without a ring field, rings are taken from the sensor's laser lines. Or a
+                cloud that is ready, its times in seconds from the stamp.
+            stamp: Seconds, of the instant of the sweep that points' times count from, be it start, middle or end; the
+                pose is that of the sensor then. Points without times are taken as seen all at once. A stamp that does
+                not rise, or jumps, is a problem of the run that `finish` returns.
             image: (H, W, 3) uint8 RGB of the calibrated camera, nearest in time.
 
         Returns:
@@ -104,8 +109,8 @@ class Slam:
             is 'degenerate', `unobserved` says along which directions the scan did not hold the pose.
 
         Raises:
-            InputError: The points are of another shape, lack fields, or have rings that the sensor does not have; or
-                the stamp is no number.
+            InputError: The points are of another shape, lack fields, have rings that the sensor does not have, or times
+                that are no seconds; or the stamp is no number.
         """
         place = len(self._slam.result.records)
         name = Path(f"scan {place}")
@@ -113,8 +118,12 @@ class Slam:
         if isinstance(points, PointCloud):
             return self._slam.add(replace(frame, cloud=points))
         found = points_of(np.asarray(points), name)
-        cloud = to_cloud(found, self._sensor, name)
-        return self._slam.add(replace(frame, cloud=cloud, problems=found.problems))
+        if self._columns is UNKNOWN and len(found.xyz):
+            self._columns = find_columns([(found, frame.stamp)], self._sensor, None, self._period, name)
+            source = self._slam.result.source
+            self._slam.result.source = replace(source, point_times=self._columns.times, stamps_from="given")
+        cloud, odd = self._columns.cloud(found, frame.stamp, name)
+        return self._slam.add(replace(frame, cloud=cloud, problems=found.problems + odd))
 
     def trajectory(self) -> Array:
         """(N, 4, 4) T_world_lidar of all scans so far, by the loops that are closed so far; the first is the identity.
