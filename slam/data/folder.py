@@ -91,6 +91,11 @@ class UserFolder:
         return len(self._files)
 
     @property
+    def images(self) -> tuple[Path | None, ...]:
+        """Of each scan its image's file, or None."""
+        return tuple(None if image is None else image.path for image in self._images)
+
+    @property
     def folders(self) -> tuple[Path, ...]:
         """What the drive is read from: nothing may be written there."""
         images = () if self._image_folder is None else (self._image_folder,)
@@ -98,7 +103,7 @@ class UserFolder:
 
     def __getitem__(self, position: int) -> Frame:
         number = int(self.numbers[position])
-        points = self._points(position)
+        points = self.points(position)
         cloud, odd = self._columns.cloud(points, float(self.stamps[position]), self._files[position])
         problems = points.problems + odd
         if self._image_folder is not None:
@@ -112,7 +117,7 @@ class UserFolder:
             problems=problems,
         )
 
-    def _points(self, position: int) -> Points:
+    def points(self, position: int) -> Points:
         """A scan as its file has it. What is wrong with a single one does not end a drive: it is empty, and told."""
         try:
             return read_points(self._files[position], self.reading)
@@ -126,7 +131,7 @@ class UserFolder:
         """Those with points, and their stamps where they were recorded."""
         found: list[tuple[Points, float | None]] = []
         for position in range(min(len(self), LOOKED_AT)):
-            points = self._points(position)
+            points = self.points(position)
             if len(points.xyz):
                 found.append((points, None if stamps is None else float(stamps[position])))
             if len(found) == SAMPLES:

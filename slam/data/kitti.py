@@ -12,7 +12,7 @@ from slam.data.errors import InputError
 from slam.data.files import SCAN_PERIOD, files_by_number
 from slam.data.first_scans import reading_of
 from slam.data.images import IMAGE_SUFFIXES, ImageFile, image_problems, no_image
-from slam.data.point_files import read_points
+from slam.data.point_files import Points, read_points
 from slam.data.point_times import PointTimes, azimuth_times
 from slam.data.sensor import Sensor
 from slam.data.stamps import usual_step
@@ -56,13 +56,22 @@ class KittiDrive:
         self.scan_period, self.stamps_from = usual_step(every) or SCAN_PERIOD, unit
 
     @property
+    def images(self) -> tuple[Path | None, ...]:
+        """Of each scan its image's file, or None."""
+        return tuple(self._images.get(int(number)) for number in self.numbers)
+
+    @property
     def folders(self) -> tuple[Path, ...]:
         """What the drive is read from: nothing may be written there."""
         return (self.path, next(iter(self._scans.values())).parent, self._image_folder)
 
+    def points(self, position: int) -> Points:
+        """A scan as its file has it."""
+        return read_points(self._scans[int(self.numbers[position])], self._reading)
+
     def __getitem__(self, position: int) -> Frame:
         number = int(self.numbers[position])
-        points = read_points(self._scans[number], self._reading)
+        points = self.points(position)
         xyz, problems = points.xyz, points.problems
         intensity = np.zeros(len(xyz)) if points.intensity is None else np.nan_to_num(points.intensity)
         ring, odd = rings_in_file_order(xyz, self.sensor, self._scans[number])
