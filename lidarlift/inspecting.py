@@ -166,12 +166,12 @@ class _Look:
 
 
 def _look(data: Dataset, position: int) -> _Look:
+    from slam.data.images import found_in_reading
+
     frame = data[position]
     cloud, image = frame.cloud, frame.image
     range_ = np.linalg.norm(cloud.xyz, axis=1)
     raw = data.points(position) if hasattr(data, "points") else None
-    late = getattr(frame.read_image, "problem", None)
-    problems = frame.problems if late is None or late in frame.problems else (*frame.problems, late)
     return _Look(
         points=len(cloud),
         ranges=np.percentile(range_, [1, 50, 99]) if len(cloud) else np.zeros(3),
@@ -180,7 +180,7 @@ def _look(data: Dataset, position: int) -> _Look:
         ring_field=raw is not None and raw.ring is not None,
         elevations=_elevations(cloud),
         image_size=None if image is None else (image.shape[1], image.shape[0]),
-        problems=problems,
+        problems=(*frame.problems, *found_in_reading(frame)),
     )
 
 

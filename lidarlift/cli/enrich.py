@@ -55,6 +55,7 @@ def enrich(
     as recorded: neither deskewed nor vertically corrected.
     """
     from slam.data.dataset import open_dataset
+    from slam.data.images import found_in_reading
 
     data, chosen = open_dataset(dataset, sequence, sensor), frame_slice(frames)
     require_apart(out, data)
@@ -64,7 +65,7 @@ def enrich(
     problems = [*data.problems]
     with progress(f"{data.name}, enriched", len(range(len(data))[chosen])) as advance:
         for frame, cloud in dense:
-            problems.extend(frame.problems)
+            problems.extend((*frame.problems, *found_in_reading(frame)))
             if len(cloud) and cloud.ring is not None:
                 _write(out / f"{frame.index:06d}.{format.value}", cloud)
                 done, measured, total = done + 1, measured + int(cloud.measured.sum()), total + len(cloud)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.data.cloud import Array
+from slam.data.cloud import Array, Frame
 from slam.data.files import SCAN_PERIOD
 from slam.data.problem import Problem
 from slam.data.scan_names import in_order
@@ -78,6 +78,12 @@ def image_problems(image: ImageFile | None, number: int, folder: Path) -> tuple[
         return (Problem("missing image", f"{folder}: no image for scan {number}; its points stay without colour"),)
     problem = image.check()
     return () if problem is None else (problem,)
+
+
+def found_in_reading(frame: Frame) -> tuple[Problem, ...]:
+    """What was wrong with a frame's image when it was read, beyond what the frame's own problems say."""
+    problem = frame.read_image.problem if isinstance(frame.read_image, ImageFile) else None
+    return () if problem is None or problem in frame.problems else (problem,)
 
 
 def image_folder(path: Path) -> Path | None:
