@@ -118,11 +118,14 @@ class Slam:
         problems = (*frame.problems, *stamp_problems(frame, before, self._sweep_duration))
         _refuse(problems, self._strict)
         self.result.problems.extend(problems)
-        if isinstance(frame.read_image, ImageFile) and frame.read_image.problem is None:
-            self._images.append(frame.read_image)
+        unread = frame.read_image if isinstance(frame.read_image, ImageFile) else None
+        if unread is not None and unread.problem is not None:
+            unread = None  # among the frame's problems already
         self._centres.append(centre(frame.cloud.xyz))
         tracked = self._tracker(frame)
-        self._note_images(self._images[-1:])
+        if unread is not None:
+            self._images.append(unread)
+            self._note_images([unread])
         self.result.timed += tracked.timed
         self.result.sizes = self._tracker.sizes
 
@@ -165,9 +168,9 @@ class Slam:
 
     def _note_images(self, images: Sequence[ImageFile]) -> None:
         """What reading showed of images that seemed sound is a problem of the run, once."""
-        found = [image for image in images if image.problem]
-        problems = [image.problem for image in found if image.problem]
-        self._images = [image for image in self._images if image not in found] if found else self._images
+        problems = [image.problem for image in images if image.problem]
+        if problems:
+            self._images = [image for image in self._images if image.problem not in problems]
         _refuse(problems, self._strict)
         self.result.problems.extend(problems)
 

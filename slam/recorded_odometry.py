@@ -13,7 +13,7 @@ from slam.data.body_frame import body_frame, into_lidar_frame
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.distortion import correct_vertical, deskew
 from slam.data.errors import InputError
-from slam.data.pose_files import read_poses
+from slam.data.pose_files import read_whole_trajectory, w_first_note
 from slam.data.problem import Problem
 from slam.odometry import OdometryStep
 
@@ -42,15 +42,16 @@ class RecordedOdometry:
     """
 
     def __init__(self, path: Path, scans: int, calibration: Calibration | None = None) -> None:
-        self.stamps, self.poses = read_poses(path)
+        found = read_whole_trajectory(path)
+        self.stamps, self.poses, note = found.stamps, found.poses, w_first_note(path, found)
+        self.problems = (Problem("order of quaternions", note),) if note else ()
         if len(self.poses) != scans:
             raise InputError(f"{path}: {len(self.poses)} poses for {scans} scans; one a scan is needed, in their order")
         if self.stamps is not None and (np.diff(self.stamps) <= 0).any():
             line = int(np.argmax(np.diff(self.stamps) <= 0)) + 2
             raise InputError(f"{path}: the stamp of line {line} is not later than the one before; sort or repair it")
-        self.problems: tuple[Problem, ...] = ()
         if body_frame(self.poses) == "camera":
-            self.problems = (self._into_lidar_frame(path, calibration),)
+            self.problems = (*self.problems, self._into_lidar_frame(path, calibration))
 
     def _into_lidar_frame(self, path: Path, calibration: Calibration | None) -> Problem:
         """Make the camera's poses the LiDAR's, and say so."""

@@ -67,7 +67,7 @@ class Source:
         calibration: The camera beside the LiDAR, None without one.
         positions: Which frames of the data set are run, None in a live run.
         ground_truth: (N, 4, 4) T_world_lidar of these frames, NaN where unknown, or None.
-        truth_readings: The same by either order of its quaternions, where nothing says which is right; else empty.
+        truth_readings: Of `GroundTruth`, of these frames.
         point_times: The verdict on the times of the drive's points, None where nobody gave one.
         stamps_from: Where the scans' stamps are from, None where nobody said.
     """

@@ -14,7 +14,7 @@ from slam.data.body_frame import body_frame
 from slam.data.cloud import Array
 from slam.data.pose_files import Trajectory, read_trajectory
 from slam.data.problem import Problem, spans
-from slam.data.quaternion_order import order_by_odometry
+from slam.data.quaternion_order import orders_by_odometry
 from slam.data.sensor import conventions_of_folder
 
 #: Poses farther apart than so many of their usual steps, and than HOLE [s], have a hole between them: over it nothing
@@ -23,8 +23,8 @@ from slam.data.sensor import conventions_of_folder
 STEPS, HOLE = 1.5, 0.3
 ROUNDING = 1e-3  # s: stamps that differ by less are one, written with other digits
 #: Kinds of the problems that the odometry settles.
-UNCLEAR, W_FIRST = "unclear quaternions", "quaternions with w first"
-UNSETTLED = (UNCLEAR, W_FIRST)
+UNCLEAR, TOLD = "unclear quaternions", "order of quaternions"
+UNSETTLED = (UNCLEAR, TOLD)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class GroundTruth:
 
     Attributes:
         poses: (N, 4, 4) T_world_lidar of the scans, the first known one identity, NaN where unknown; None without any.
-        readings: Where the file does not say whether quaternions have w last or first, `poses` by either order ('xyzw',
-            'wxyz'), so that the odometry can tell. Else empty.
+        readings: The same with the file's quaternions read with w last ('xyzw') and first ('wxyz'), one of which is
+            `poses`, for the odometry to tell; empty where the user has said it, and for matrices.
         problems: What is wrong with it.
     """
 
@@ -74,19 +74,19 @@ def read_ground_truth(path: Path, stamps: Array, numbers: Array, known_times: bo
     if poses is None:
         return _none(f"{file}: none of its {len(trajectory.poses)} poses is known where there is a scan")
     problems = (*match.problems, *_without_truth(file, np.isnan(poses[:, 0, 0]), match, numbers))
-    if not readings or trajectory.order == "xyzw":
-        return GroundTruth(poses, readings, problems)
-    if trajectory.order is None:
+    if readings and trajectory.order is None:
         text = f"{file}: neither a header nor the motion tells whether its quaternions have w last or first"
         text += "; the odometry decides; to say so write quaternion: xyzw, or wxyz, into sensor.yaml"
         return GroundTruth(None, readings, (*problems, Problem(UNCLEAR, text)))
-    return GroundTruth(poses, readings, (*problems, _w_first(f"{file}: by the motion")))
+    if trajectory.told_by == "the motion" and trajectory.order == "wxyz":
+        problems = (*problems, _order(f"{file}: by the motion", "wxyz"))
+    return GroundTruth(readings.get(trajectory.order or "", poses), readings, problems)
 
 
-def _w_first(where: str) -> Problem:
-    """That quaternions are not as TUM has them, who says so, and how it is said for good."""
-    text = f"{where}, its quaternions have w first, not last; they are read so"
-    return Problem(W_FIRST, f"{text} (quaternion: wxyz in sensor.yaml says the same)")
+def _order(where: str, order: str) -> Problem:
+    """In which order quaternions are read, who says so, and how it is said for good."""
+    text = f"{where}, its quaternions have w {'first' if order == 'wxyz' else 'last'}; they are read so"
+    return Problem(TOLD, f"{text} (quaternion: {order} in sensor.yaml says the same)")
 
 
 def settled_truth(truth: GroundTruth, odometry: Array) -> GroundTruth:
@@ -102,21 +102,25 @@ def settled_truth(truth: GroundTruth, odometry: Array) -> GroundTruth:
     """
     poses, problems = truth.poses, truth.problems
     if truth.readings:
-        order = order_by_odometry({way: read[: len(odometry)] for way, read in truth.readings.items()}, odometry)
-        if order is not None:
-            poses, problems = (
-                truth.readings[order],
-                (_w_first("poses.txt: by the odometry"),) if order == "wxyz" else (),
-            )
-        elif poses is None:
+        agreeing = orders_by_odometry({way: read[: len(odometry)] for way, read in truth.readings.items()}, odometry)
+        taken = {way for way, read in truth.readings.items() if _same(poses, read)}
+        if not agreeing and poses is None:
             text = "poses.txt: its quaternions agree with the odometry neither with w last nor with w first"
             return _none(f"{text}; write quaternion: xyzw, or wxyz, into sensor.yaml")
+        if agreeing and taken.isdisjoint(agreeing):
+            poses, problems = truth.readings[agreeing[0]], ()
+            if agreeing[0] == "wxyz" or taken:
+                problems = (_order("poses.txt: by the odometry", agreeing[0]),)
     if poses is not None and body_frame(odometry) == "lidar":
         known = poses[np.isfinite(poses).all(axis=(1, 2))]
         if body_frame(known) == "camera":
             text = "the truth's poses move along their z axis, as a camera's do, and the LiDAR along x"
             return _none(f"{text}; give the LiDAR's, inv(T_camera_lidar) @ P @ T_camera_lidar")
     return GroundTruth(poses, {}, problems)
+
+
+def _same(poses: Array | None, others: Array) -> bool:
+    return poses is not None and np.array_equal(poses, others, equal_nan=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +170,7 @@ def _by_row(file: Path, trajectory: Trajectory, numbers: Array) -> _Match | Grou
         rows = np.array([row_of.get(int(number), -1) for number in numbers])
     elif count != len(numbers) and count > numbers[-1]:
         rows = numbers
-    elif count < len(numbers) and (np.diff(numbers) != 1).any():
+    elif count != len(numbers) and (np.diff(numbers) != 1).any():
         text = f"{file}: {count} poses for {len(numbers)} scans, the last of which is number {numbers[-1]}"
         return _none(f"{text}; a pose is needed for every scan, or for every number, since some are missing")
     inside = (rows >= 0) & (rows < count)

@@ -36,9 +36,10 @@ class Trajectory:
         lines: (N,) the line of the file that each stands in.
         stamps: (N,) seconds, None where the file has none.
         numbers: (N,) int64, the frames that the poses are of, None where the file does not count them.
-        readings: Where nothing in the file says whether quaternions have w last or first, the poses by either order.
-        order: The order by which `poses` are read, 'xyzw' or 'wxyz'; None for TUM's where it cannot be told, and for
-            matrices.
+        readings: The poses with their quaternions in either order, 'xyzw' and 'wxyz', where nobody has said which it is
+            but perhaps a header.
+        order: In which `poses` are read; None where it cannot be told and is taken for TUM's, and of matrices.
+        told_by: Who tells the order: 'the user', 'a header', 'the motion', or nobody, ''.
     """
 
     poses: Array
@@ -47,16 +48,29 @@ class Trajectory:
     numbers: Array | None = None
     readings: Mapping[str, Array] = field(default_factory=dict)
     order: str | None = None
+    told_by: str = ""
 
 
 def read_poses(path: Path, quaternion: str | None = None) -> tuple[Array | None, Array]:
-    """Stamps (N,) [s], or None for KITTI's format, and poses (N, 4, 4), each of them known.
+    """Stamps (N,) [s], or None for KITTI's format, and poses (N, 4, 4) of a file that has no unknown ones.
 
-    Quaternions whose order is neither given nor told by the motion are read as TUM's. See `read_trajectory`.
+    The log says so where quaternions have w first by the motion alone. See `read_whole_trajectory`.
+    """
+    trajectory = read_whole_trajectory(path, quaternion)
+    if (note := w_first_note(path, trajectory)) is not None:
+        log.warning(note)
+    return trajectory.stamps, trajectory.poses
 
-    Args:
-        path: The file.
-        quaternion: 'xyzw' or 'wxyz', where it is known.
+
+def w_first_note(path: Path, trajectory: Trajectory) -> str | None:
+    """That quaternions are not as TUM has them, where only the motion tells; None else."""
+    if trajectory.order == "wxyz" and trajectory.told_by == "the motion":
+        return f"{path}: by the motion its quaternions have w first; a header line says so for good: {NAMES_REMEDY}"
+    return None
+
+
+def read_whole_trajectory(path: Path, quaternion: str | None = None) -> Trajectory:
+    """The trajectory of a file in which every pose is known.
 
     Raises:
         InputError: As `read_trajectory`, or a pose is unknown, or the rows are numbered.
@@ -69,9 +83,7 @@ def read_poses(path: Path, quaternion: str | None = None) -> tuple[Array | None,
         raise InputError(f"{path}: line {line} holds no pose but {fault}; remove or repair it")
     if trajectory.numbers is not None:
         raise InputError(f"{path}: its first column numbers the frames; remove it, or give the frames' stamps instead")
-    if trajectory.readings and trajectory.order == "wxyz":
-        log.warning("%s: by the motion its quaternions have w first; a header line says so: %s", path, NAMES_REMEDY)
-    return trajectory.stamps, trajectory.poses
+    return trajectory
 
 
 def read_trajectory(path: Path, quaternion: str | None = None) -> Trajectory:
@@ -80,7 +92,8 @@ def read_trajectory(path: Path, quaternion: str | None = None) -> Trajectory:
 
     Args:
         path: The file.
-        quaternion: 'xyzw' or 'wxyz'; by default as the header names the columns, else as the motion tells.
+        quaternion: 'xyzw' or 'wxyz', if the user says so; by default as a header names the columns, else as the motion
+            tells.
 
     Raises:
         InputError: The file is missing, not made of numbers or of another format; or, with the line, a rotation is
@@ -89,9 +102,9 @@ def read_trajectory(path: Path, quaternion: str | None = None) -> Trajectory:
     table = read_pose_table(path)
     columns = _named_columns(table.names)
     if columns is not None:
-        order = quaternion or ("wxyz" if columns[3] == min(columns[3:]) else "xyzw")
-        values = table.values[:, columns[:3] + (columns[3:] if order == "wxyz" else columns[4:] + columns[3:4])]
-        return _from_quaternions(path, table, values, order)
+        places, turns = columns[:3], sorted(columns[3:])
+        named = {columns[3:]: "wxyz", (*columns[4:], columns[3]): "xyzw"}.get(tuple(turns))
+        return _from_quaternions(path, table, table.values[:, [*places, *turns]], quaternion, named)
     count = table.values.shape[1]
     if count in (12, 16):
         return Trajectory(_from_matrices(path, table, table.values), table.lines)
@@ -143,8 +156,11 @@ def _from_matrices(path: Path, table: PoseTable, rows: Array) -> Array:
     return poses
 
 
-def _from_quaternions(path: Path, table: PoseTable, values: Array, order: str | None) -> Trajectory:
-    """A trajectory of values (N, 7): x y z and a quaternion in its order, or in the one that the motion tells."""
+def _from_quaternions(
+    path: Path, table: PoseTable, values: Array, said: str | None, named: str | None = None
+) -> Trajectory:
+    """A trajectory of values (N, 7): x y z and a quaternion, in the order that the user says, else that a header names,
+    else that the motion tells."""
     quaternions, length = values[:, 3:], np.linalg.norm(values[:, 3:], axis=1)
     known = np.isfinite(values).all(axis=1) & np.isfinite(table.values[:, 0]) & (length > 1e-6)
     wrong = known & (np.abs(length - 1) > LENGTH)
@@ -153,18 +169,21 @@ def _from_quaternions(path: Path, table: PoseTable, values: Array, order: str | 
         fault = f"line {table.lines[first]}: a quaternion of length {length[first]:.3g}, not 1"
         raise InputError(f"{path}: {fault}; columns are stamp tx ty tz qx qy qz qw")
     readings = {}
-    for way in (order,) if order else ORDERS:
+    for order in ORDERS:
         poses = np.full((len(values), 4, 4), np.nan)
         poses[known] = np.eye(4)
-        poses[known, :3, :3] = as_rotations(quaternions[known], way)
+        poses[known, :3, :3] = as_rotations(quaternions[known], order)
         poses[known, :3, 3] = values[known, :3]
-        readings[way] = poses
+        readings[order] = poses
     stamps = _seconds(table)
-    if order:
-        return Trajectory(readings[order], table.lines, stamps, order=order)
+    if said or named:
+        who = "the user" if said else "a header"
+        return Trajectory(
+            readings[said or named or ""], table.lines, stamps, None, {} if said else readings, said or named, who
+        )
     in_time = np.argsort(np.where(known, stamps, np.inf), kind="stable")[: known.sum()]
     told = order_by_motion({way: poses[in_time] for way, poses in readings.items()}) if known.any() else None
-    return Trajectory(readings[told or "xyzw"], table.lines, stamps, readings=readings, order=told)
+    return Trajectory(readings[told or "xyzw"], table.lines, stamps, None, readings, told, "the motion" if told else "")
 
 
 def _seconds(table: PoseTable) -> Array:

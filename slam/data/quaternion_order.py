@@ -56,10 +56,8 @@ def order_by_motion(readings: Mapping[str, Array]) -> str | None:
     return "xyzw" if _difference(*readings.values()) < SAME else None
 
 
-def order_by_odometry(readings: Mapping[str, Array], odometry: Array) -> str | None:
-    """The order that agrees with the motion that the odometry saw; None where neither does.
-
-    Where both do, the order does not matter for what follows, and TUM's is taken.
+def orders_by_odometry(readings: Mapping[str, Array], odometry: Array) -> tuple[str, ...]:
+    """The orders that agree with the motion that the odometry saw: one, none, or both where they mean the same.
 
     Args:
         readings: Poses (N, 4, 4) of the same frames by each of the two orders, NaN where unknown.
@@ -68,8 +66,8 @@ def order_by_odometry(readings: Mapping[str, Array], odometry: Array) -> str | N
     off = {order: _difference(odometry, poses) for order, poses in readings.items()}
     best, other = sorted(ORDERS, key=off.__getitem__)
     if off[best] < min(FITS, FEWEST * off[other]):
-        return best
-    return "xyzw" if off[other] < FITS else None
+        return (best,)
+    return ORDERS if off[other] < FITS else ()
 
 
 def _chords(poses: Array) -> Array:

@@ -244,7 +244,7 @@ TRUTH = [
         "quaternions with w first",
         "accepted in silence, every rotation wrong",
         "are told by the motion, which is said",
-        opened(text(rows("wxyz")), truth("quaternions with w first")),
+        opened(text(rows("wxyz")), truth("order of quaternions")),
     ),
     Case(
         "41h",
@@ -435,7 +435,16 @@ def short_drive(bench: Bench, *lines: str) -> Run:
 def odometry_tells(bench: Bench) -> None:
     stamps = 0.1 * np.arange(8)
     run = short_drive(bench, *text(rows("wxyz", stamps, bench.street_poses)))
-    assert [problem.kind for problem in run.problems] == ["quaternions with w first"]
+    assert [problem.kind for problem in run.problems] == ["order of quaternions"]
+    assert run.ground_truth is not None
+    np.testing.assert_allclose(run.ground_truth, bench.street_poses, atol=1e-5)
+
+
+def header_lies(bench: Bench) -> None:
+    table = text(rows("wxyz", 0.1 * np.arange(8), bench.street_poses))
+    run = short_drive(bench, "# stamp tx ty tz qx qy qz qw", *table)
+    assert [problem.kind for problem in run.problems] == ["order of quaternions"]
+    assert "by the odometry, its quaternions have w first" in run.problems[0].message
     assert run.ground_truth is not None
     np.testing.assert_allclose(run.ground_truth, bench.street_poses, atol=1e-5)
 
@@ -548,6 +557,13 @@ POSES_AND_GRAPHS = [
         "accepted in silence",
         "the odometry tells, which is said",
         odometry_tells,
+    ),
+    Case(
+        "41u",
+        "a header that says w last, above quaternions with w first",
+        "refused",
+        "the odometry contradicts it, which is said",
+        header_lies,
     ),
     Case(
         "41t",
@@ -829,11 +845,15 @@ def stopped_by_an_exception(bench: Bench) -> None:
 
     import lidarlift
 
-    with pytest.raises(MemoryError):
-        lidarlift.run(Broken(), out=bench.folder / "r")
-    assert len(read_poses(bench.folder / "r" / "odometry_tum.txt")[1]) == 5
-    assert len(read_poses(bench.folder / "r" / "ground_truth_tum.txt")[1]) == 5
-    assert not (bench.folder / "r" / "run.json").exists()
+    lidarlift.run(data, frames=slice(2), out=bench.folder / "earlier")
+    before = (bench.folder / "earlier" / "trajectory_tum.txt").read_bytes()
+    for name, kept in (("r", "r"), ("earlier", "earlier-stopped")):
+        with pytest.raises(MemoryError):
+            lidarlift.run(Broken(), out=bench.folder / name)
+        assert len(read_poses(bench.folder / kept / "odometry_tum.txt")[1]) == 5
+        assert len(read_poses(bench.folder / kept / "ground_truth_tum.txt")[1]) == 5
+        assert not (bench.folder / kept / "run.json").exists()
+    assert (bench.folder / "earlier" / "trajectory_tum.txt").read_bytes() == before
 
 
 def stopped_by_hand(bench: Bench) -> None:
@@ -913,7 +933,7 @@ LOST = [
         "R5",
         "an exception in the middle of a run",
         "all poses so far were lost",
-        "odometry, truth and timings are saved",
+        "odometry, truth and timings are saved; a finished run in the folder stays",
         stopped_by_an_exception,
     ),
     Case(
