@@ -94,8 +94,10 @@ def image_folder(path: Path) -> Path | None:
 def match_images(
     path: Path, scans: Sequence[Path], stamps: Array, known_times: bool
 ) -> tuple[Path | None, list[ImageFile | None], tuple[Problem, ...]]:
-    """For each scan its image: the nearest in time, within half a scan's period, where the images have a times.txt or
-    are named by their stamps; else its namesake, or the one of its number.
+    """For each scan its image.
+
+    Where the images have a times.txt, that is the nearest in time, within half a scan's period; else its namesake, or
+    the one of its number; else the nearest by the stamps in their names.
 
     Args:
         path: The drive's folder.
@@ -112,12 +114,16 @@ def match_images(
         return None, [None] * len(scans), ()
     files = (file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES and file.name[0] != ".")
     names = in_order(list(files))
-    images, taken = names.files, names.stamps
+    images = names.files
     problems: tuple[Problem, ...] = ()
     times = next((folder / name for name in TIME_FILES if (folder / name).is_file()), None)
-    if images and times is not None and (read := read_stamps(times, images, names.numbers)):
-        taken, problems = read.seconds, read.problems
-    found = _by_name(images, scans) if taken is None or not known_times else _nearest(images, taken, stamps)
+    read = read_stamps(times, images, names.numbers) if images and times is not None and known_times else None
+    if read is not None:
+        found, problems = _nearest(images, read.seconds, stamps), read.problems
+    else:
+        found = _by_name(images, scans)
+        if not any(found) and names.stamps is not None and known_times:
+            found = _nearest(images, names.stamps, stamps)
     if any(found):
         return folder, [None if image is None else ImageFile(image) for image in found], problems
     fault = f"none of {len(images)} images has a scan's name, number or time" if images else "no images in it"
