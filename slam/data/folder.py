@@ -37,10 +37,10 @@ class UserFolder:
     Args:
         path: The folder.
         sensor: Overrides what sensor.yaml says of the LiDAR.
+        columns: Of .bin and .npy files (see `reading_of`). By default their numbers tell.
         stamp: The instant of a sweep that stamps belong to, 'start', 'middle' or 'end'. By default the points' times
             tell.
         point_time: The field with the points' times, FIELD or FIELD:UNIT. By default the first that can have them.
-        columns: What stands in .bin and .npy files, as in 'x,y,z,intensity,ring'. By default the numbers tell.
     """
 
     LAYOUT = "scans (.bin, .pcd, .ply, .npy) in the folder itself or in its scans/, velodyne/ or points/"
@@ -54,10 +54,10 @@ class UserFolder:
         self,
         path: Path,
         sensor: str | Path | None = None,
+        columns: str | None = None,
         *,
         stamp: str | None = None,
         point_time: str | None = None,
-        columns: str | None = None,
     ) -> None:
         self.path = path
         self.name = path.resolve().name
@@ -118,14 +118,8 @@ class UserFolder:
         )
 
     def points(self, position: int) -> Points:
-        """A scan as its file has it. What is wrong with a single one does not end a drive: it is empty, and told."""
-        try:
-            return read_points(self._files[position], self.reading)
-        except InputError as error:
-            if position in (0, -len(self)):
-                raise
-            problem = Problem("missing scan", f"{error}; no points used")
-            return Points(np.zeros((0, 3), np.float32), problems=(problem,))
+        """A scan as its file has it."""
+        return read_points(self._files[position], self.reading)
 
     def _first_scans(self, stamps: Array | None) -> list[tuple[Points, float | None]]:
         """Those with points, and their stamps where they were recorded."""

@@ -151,25 +151,24 @@ def _ring_numbers(
     scans: Sequence[Points], sensor: Sensor | None, where: object
 ) -> tuple[Array | None, tuple[Problem, ...]]:
     """Which ring each number in the files is, (K,), None where there are none."""
-    scans = [points for points in scans if points.ring is not None]
-    if not scans:
+    found = [(points.xyz, _whole(points.ring, MOST_RINGS)) for points in scans if points.ring is not None]
+    if not found:
         return None, ()
-    xyz = np.concatenate([points.xyz for points in scans])
-    values = np.concatenate([np.asarray(points.ring, np.float64) for points in scans])
-    known, count = _whole(values, MOST_RINGS), sensor.ring_count if sensor else MOST_RINGS
-    from_one = bool(sensor and known.max() == count and values.min() >= 1)
-    numbers = known - from_one
-    wrong = (numbers < 0) | (numbers >= count)
-    if wrong.mean() > MANY:
-        text = f"{where}: rings {np.nanmin(values):.0f} to {np.nanmax(values):.0f}"
+    lowest, highest = (int(np.median([edge(ring) for _, ring in found])) for edge in (np.min, np.max))
+    # Without a sensor the next power of two stands for its rings, since the uppermost often see nothing but sky.
+    count = sensor.ring_count if sensor else max(16, 1 << max(highest, 0).bit_length())
+    from_one = bool(sensor) and highest == count and lowest >= 1
+    wrong = [(ring - from_one < 0) | (ring - from_one >= count) for _, ring in found]
+    if np.median([np.mean(each) for each in wrong]) > MANY:
+        text = (
+            f"{where}: rings {lowest} to {highest}" if highest >= 0 else f"{where}: its ring field has no ring numbers"
+        )
         if sensor:
             limit = f"the sensor {sensor.name} has {count}"
             raise InputError(f"{text}, but {limit}; name the right one with --sensor")
-        return None, (Problem("ring unknown", f"{text}, but 0 to {count - 1} make sense; the scans have none"),)
-    xyz, numbers = xyz[~wrong], numbers[~wrong]
-    if sensor is None:
-        # The next power of two stands for the rings, since the uppermost ones often see nothing but sky.
-        count = max(16, 1 << int(numbers.max()).bit_length())
+        return None, (Problem("ring unknown", f"{text}, but 0 to {MOST_RINGS - 1} make sense; the scans have none"),)
+    sound = [(xyz[~bad], ring[~bad] - from_one) for (xyz, ring), bad in zip(found, wrong, strict=True)]
+    xyz, numbers = (np.concatenate(column) for column in zip(*sound, strict=True))
     ring_of = _from_top(xyz, numbers, count, sensor)
     return np.concatenate([[-1], ring_of]) if from_one else ring_of, ()
 
