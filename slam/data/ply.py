@@ -159,7 +159,8 @@ def _with_lists(rows: Iterator[Row], vertex: Element, wanted: Collection[str], c
             break
         read += len(table)
         columns = zip(scalars, zip(*table, strict=True), strict=True)
-        yield {each.name: np.array(values).astype(each.kind) for each, values in columns if each.name in wanted}
+        with np.errstate(over="ignore"):
+            yield {each.name: np.array(values).astype(each.kind) for each, values in columns if each.name in wanted}
 
 
 def _rows(file: BinaryIO, element: Element) -> Iterator[Row]:

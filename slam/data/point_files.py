@@ -116,16 +116,27 @@ def points_of(table: Array, name: Path) -> Points:
 def _read(path: Path, reading: Reading, everything: bool) -> Points:
     try:
         with path.open("rb") as file:
-            size = path.stat().st_size
-            if size == 0 and path.suffix.lower() != ".bin":
-                raise UnreadableError("nothing in it")
-            return _points(_content(file, size, path, reading), path, reading.offset, everything)
+            return points_in(file, path, reading, everything)
     except OSError as error:
         reason = "no such file" if isinstance(error, FileNotFoundError) else str(error.strerror or error)
+    return _unreadable(path, reason)
+
+
+def points_in(file: BinaryIO, path: Path, reading: Reading = Reading(), everything: bool = False) -> Points:
+    """The points of an open file: see `read_points`. `path` is for messages, and its suffix says what the file is."""
+    try:
+        size = file.seek(0, 2)
+        file.seek(0)
+        if size == 0 and path.suffix.lower() != ".bin":
+            raise UnreadableError("nothing in it")
+        return _points(_content(file, size, path, reading), path, reading.offset, everything)
     except UnreadableError as error:
-        reason = str(error)
+        return _unreadable(path, str(error))
     except MemoryError:
-        reason = "too large for the memory of this machine"
+        return _unreadable(path, "too large for the memory of this machine")
+
+
+def _unreadable(path: Path, reason: str) -> Points:
     problem = Problem("missing scan", f"{path}: cannot be read ({reason}); no points used")
     return Points(np.zeros((0, 3), np.float32), problems=(problem,))
 
@@ -133,8 +144,7 @@ def _read(path: Path, reading: Reading, everything: bool) -> Points:
 def _content(file: BinaryIO, size: int, path: Path, reading: Reading) -> Content:
     match path.suffix.lower():
         case ".bin":
-            layout = reading.layout or told_layout([path])
-            return read_bin(file, size, WANTED, layout)
+            return read_bin(file, size, WANTED, reading.layout or told_layout([file]))
         case ".npy":
             return read_npy(file, size, WANTED, None if reading.layout is None else reading.layout.names)
         case ".pcd":

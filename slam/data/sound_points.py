@@ -73,7 +73,9 @@ class _Gathering:
         if not block.keys() >= {"x", "y", "z"}:
             raise UnreadableError("its coordinates are no numbers, one a point")
         axes = [block[axis] for axis in "xyz"]
-        size, room = len(axes[0]), self.xyz[self.kept : self.kept + len(axes[0])]
+        size = len(axes[0])
+        self._make_room(size)
+        room = self.xyz[self.kept : self.kept + size]
         if self.offset is None:
             self.offset = found_offset(axes)
         with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is infinite, and left out
@@ -88,6 +90,12 @@ class _Gathering:
             if name not in "xyz":
                 self._column(name, values)[self.kept : end] = values if chosen is None else values[chosen]
         self.read, self.kept = self.read + size, end
+
+    def _make_room(self, size: int) -> None:
+        """For as many more points. Only those of packed files are not counted beforehand."""
+        if self.kept + size > len(self.xyz):
+            for values in (self.xyz, *self.columns.values()):
+                values.resize((2 * self.kept + size, *values.shape[1:]), refcheck=False)
 
     def _chosen(self, xyz: Array, organised: bool) -> Array | None:
         """Which points are of use, (n,) bool; None for all."""
@@ -123,7 +131,8 @@ def found_offset(axes: list[Array]) -> Offset | None:
     if all(values.min() > -NOT_METRES and values.max() < NOT_METRES for values in axes if len(values)):
         return NONE
     some = slice(None, None, max(1, len(axes[0]) // 4096))
-    xyz = np.column_stack([values[some].astype(np.float64) for values in axes])
+    with np.errstate(invalid="ignore"):
+        xyz = np.column_stack([values[some].astype(np.float64) for values in axes])
     xyz = xyz[np.isfinite(xyz).all(axis=1) & xyz.any(axis=1)]
     if len(xyz) < FEWEST:
         return None

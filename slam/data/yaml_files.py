@@ -13,22 +13,52 @@ import yaml
 from slam.data.cloud import Array
 from slam.data.errors import InputError
 
+#: Bytes of the longest YAML text that is read: parsing takes a thousand times that of memory.
+LONGEST = 1 << 16
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML's plain values. Aliases are refused: 400 bytes of them unfold into gigabytes, and nobody needs them here."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):  # type: ignore[no-untyped-call]
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            raise yaml.composer.ComposerError(None, None, "aliases such as *name are not read", mark)
+        return super().compose_node(parent, index)  # type: ignore[no-untyped-call]
+
+
+def parsed(text: str) -> Any:
+    """What a YAML text holds. Raises ValueError, in one line, where it is none or hostile."""
+    if len(text) > LONGEST:
+        raise ValueError(f"{len(text)} characters; at most {LONGEST} are read")
+    try:
+        return yaml.load(text, _Loader)  # derived from SafeLoader
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+    except (yaml.YAMLError, ValueError, OverflowError, TypeError) as error:  # some dates and numbers are none
+        raise ValueError(" ".join(str(error).split())) from error
+
 
 def read_mapping(path: Path, known: Iterable[str]) -> dict[str, Any]:
     """The keys and values of a YAML file. Raises InputError where it is no mapping or holds a key not `known`."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        with path.open(encoding="utf-8") as file:
+            content = parsed(file.read(LONGEST + 1))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not YAML ({' '.join(str(error).split())})") from error
+    except ValueError as error:  # of text that is not UTF-8 too
+        raise InputError(f"{path}: not YAML ({error})") from error
     known = sorted(known)
     if not isinstance(content, dict):
         raise InputError(f"{path}: lines like 'key: value' are expected, with the keys {', '.join(known)}")
     for key in content:
         if key not in known:
-            raise InputError(f"{path}: unknown key '{key}'{suggest(str(key), known)}")
+            raise InputError(f"{path}: unknown key '{_short(key)}'{suggest(_short(key), known)}")
     return content
+
+
+def _short(key: Any) -> str:
+    return " ".join(str(key).split())[:60]
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
@@ -43,7 +73,7 @@ def numbers(path: Path, key: str, value: Any, shape: tuple[int, ...]) -> Array:
     expected = " x ".join("n" if size == -1 else str(size) for size in shape)
     try:
         array = np.array(value, np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path}: '{key}' must be {expected} numbers") from error
     fits = array.ndim == len(shape) and all(want in (-1, got) for want, got in zip(shape, array.shape, strict=True))
     if not fits or not np.isfinite(array).all():
