@@ -6,7 +6,8 @@ Needs atheris 3 (pip install atheris), which is not among lidarlift's dependenci
 parser is run on mutations of a few sound files until so many executions or minutes are over. It fails by any exception
 but InputError, by a file that takes more than five seconds, and by memory: every 50th file is measured, and 2 MiB and
 twice its size are allowed; for compressed ones, twice what LZF or LASzip can make of it, for YAML what its parser
-takes. What failed is written to --found, to become a case of tests/inputs. Writes fuzz.md and .json in benchmarks/results.
+takes. What failed is written to --found, to become a case of tests/inputs.
+Writes fuzz.md and .json in benchmarks/results.
 """
 
 from __future__ import annotations

@@ -14,11 +14,11 @@ from slam.data.cloud import Array
 #: Some points: the columns (n,) that were asked for, by their names in lower case.
 Block = Mapping[str, Array]
 #: Bytes of a file that are looked at at once, and lines of text.
-BLOCK, LINES = 1 << 20, 1 << 14
+BLOCK, LINES = 1 << 18, 1 << 11
 #: Points of what is in memory as a whole that are looked at at once.
-AT_ONCE = 1 << 16
+AT_ONCE = 1 << 14
 #: A header of more bytes is none, nor is a longer line of text.
-LONGEST = 1 << 20
+LONGEST = 1 << 18
 #: Lines of text that may be damaged before a file is given up.
 DAMAGED_LINES = 1000
 

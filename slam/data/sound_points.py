@@ -101,11 +101,12 @@ class _Gathering:
         """Which points are of use, (n,) bool; None for all."""
         if len(xyz) == 0 or (-self.farthest < xyz.min() and xyz.max() < self.farthest and xyz.all()):
             return None  # a NaN fails these, so it is the common case of a scan that is all right
-        sound = (np.abs(xyz) < self.farthest).all(axis=1)
-        none = np.isnan(xyz)
-        unseen = none.any(axis=1) if organised else none.all(axis=1)
+        axes = xyz.T  # one by one, which is several times faster than along the rows of three
+        sound = np.logical_and.reduce([np.abs(axis) < self.farthest for axis in axes])
+        none = [np.isnan(axis) for axis in axes]
+        unseen = np.logical_or.reduce(none) if organised else np.logical_and.reduce(none)
         self.bad += len(xyz) - int(np.count_nonzero(sound | unseen))
-        return np.asarray(sound if self.everything else sound & xyz.any(axis=1))
+        return np.asarray(sound if self.everything else sound & np.logical_or.reduce([axis != 0 for axis in axes]))
 
     def _column(self, name: str, like: Array) -> Array:
         """The column of that name. One of another type than before, as lines of text may give, becomes float64."""
@@ -133,7 +134,7 @@ def found_offset(axes: list[Array]) -> Offset | None:
     some = slice(None, None, max(1, len(axes[0]) // 4096))
     with np.errstate(invalid="ignore"):
         xyz = np.column_stack([values[some].astype(np.float64) for values in axes])
-    xyz = xyz[np.isfinite(xyz).all(axis=1) & xyz.any(axis=1)]
+        xyz = xyz[np.isfinite(xyz).all(axis=1) & (xyz != 0).any(axis=1)]
     if len(xyz) < FEWEST:
         return None
     middle = np.median(xyz, axis=0)

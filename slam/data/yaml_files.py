@@ -21,10 +21,10 @@ class _Loader(yaml.SafeLoader):
     """YAML's plain values. Aliases are refused: 400 bytes of them unfold into gigabytes, and nobody needs them here."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):  # type: ignore[no-untyped-call]
-            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+        if self.check_event(yaml.AliasEvent):
+            mark = self.peek_event().start_mark
             raise yaml.composer.ComposerError(None, None, "aliases such as *name are not read", mark)
-        return super().compose_node(parent, index)  # type: ignore[no-untyped-call]
+        return super().compose_node(parent, index)
 
 
 def parsed(text: str) -> Any:
