@@ -13,7 +13,7 @@ import yaml
 from pydantic import ValidationError
 
 from slam.data.errors import InputError
-from slam.data.yaml_files import parsed
+from slam.data.yaml_text import parsed
 from slam.settings import Config, Settings
 
 #: Presets and settings of earlier versions, and what is instead.

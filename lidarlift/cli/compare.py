@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lidarlift.cli.arguments import (
+    ColumnsOption,
     ConfigOption,
     DatasetArgument,
     EnricherOption,
@@ -34,6 +35,7 @@ def compare(
     set_: SetOption = None,
     frames: FramesOption = ":",
     sensor: SensorOption = None,
+    columns: ColumnsOption = None,
     out: Annotated[Path | None, typer.Option(help="The folder for the runs. Default: runs/NAME-compared.")] = None,
     strict: StrictOption = False,
 ) -> None:
@@ -45,7 +47,7 @@ def compare(
     """
     from slam.data.dataset import open_dataset
 
-    data = open_dataset(dataset, sequence, sensor)
+    data = open_dataset(dataset, sequence, sensor, columns=columns)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
     rows, chosen = rows_for(inputs_of(data), enricher, config, set_ or ()), frame_slice(frames)
     comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)

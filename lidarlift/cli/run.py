@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from lidarlift.cli.arguments import (
+    ColumnsOption,
     ConfigOption,
     DatasetArgument,
     EnricherOption,
@@ -33,6 +34,7 @@ def run(
     set_: SetOption = None,
     frames: FramesOption = ":",
     sensor: SensorOption = None,
+    columns: ColumnsOption = None,
     odometry: Annotated[
         Path | None,
         typer.Option(help="LiDAR poses of another odometry instead, one a scan, KITTI or TUM format."),
@@ -48,7 +50,7 @@ def run(
     from slam.data.dataset import open_dataset
     from slam.session import read_report
 
-    data = open_dataset(dataset, sequence, sensor)
+    data = open_dataset(dataset, sequence, sensor, columns=columns)
     chosen = settings_for(data.sensor, input and input.value, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict)

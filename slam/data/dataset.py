@@ -81,7 +81,9 @@ DATASETS = Registry[Dataset](
 )
 
 
-def open_dataset(path: str | Path, sequence: str | None = None, sensor: str | Path | None = None) -> Dataset:
+def open_dataset(
+    path: str | Path, sequence: str | None = None, sensor: str | Path | None = None, *, columns: str | None = None
+) -> Dataset:
     """The drive in a folder: KITTI odometry, KITTI raw, a kind that another package adds, or a folder of scans.
 
     Args:
@@ -89,18 +91,26 @@ def open_dataset(path: str | Path, sequence: str | None = None, sensor: str | Pa
             (`..._sync`); or a folder of scans of the user's own (`UserFolder`).
         sequence: Picks one where there are several ('04'; '0005').
         sensor: Overrides what the folder says of the LiDAR (see `load_sensor`).
+        columns: What the numbers in the .bin or .npy scans of a folder are, as in 'x,y,z,intensity,ring,time': float32,
+            or of the type behind a colon, 't:u4'; '_' for one of no use. By default the numbers have to tell.
 
     Raises:
-        InputError: Nothing fits; the message says what was looked for.
+        InputError: Nothing fits, and the message says what was looked for; or `columns` make no sense there.
     """
     path = Path(path).expanduser()
     if not path.exists():
         raise InputError(f"{path}: no such folder; name the folder of a drive")
     path = path.resolve() if ".." in path.parts else path.absolute()  # symbolic links stay: poses/ may lie beside them
+    from slam.data.folder import UserFolder  # imported when it is needed, as all loaders
+
     layouts = []
     for name in sorted(DATASETS.names(), key=FOLDER.__eq__):  # the folder last: it takes any scans
         loader = cast(Loader, DATASETS.load(name))
         found = loader.drives(path)
+        if found and name == FOLDER:
+            return UserFolder(_pick(path, found, sequence), sensor, columns)
+        if found and columns is not None:
+            raise InputError(f"--columns {columns}: {path} is a {name} folder; name the folder of its scans itself")
         if found:
             return loader(_pick(path, found, sequence), sensor)
         layouts.append(loader.LAYOUT)

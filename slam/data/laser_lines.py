@@ -15,7 +15,7 @@ from slam.data.cloud import Array
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
 from slam.data.folder import UserFolder, scans_in
-from slam.data.point_files import read_points
+from slam.data.point_files import Reading, read_points
 from slam.data.problem import Problem, spans
 
 #: Points used in all; 64 rings then get 15,000 each, which bring coordinates rounded to 1 mm down to some 0.01 mm.
@@ -165,11 +165,12 @@ MOST_RINGS = 1024
 
 def _read_scans(data: Dataset, positions: Sequence[int], on_scan: Callable[[], None]) -> list[_Scan]:
     """Rings are never taken from the lines of a known sensor, which are what is looked for."""
-    files = scans_in(data.path) if isinstance(data, UserFolder) else []
+    folder = data if isinstance(data, UserFolder) else None
+    files, reading = ([], Reading()) if folder is None else (scans_in(data.path), folder.reading)
     scans = []
     for position in positions:
         if files:
-            points = read_points(files[position])
+            points = read_points(files[position], reading)
             xyz, ring = points.xyz, points.ring
         else:
             xyz, ring = data[position].cloud.xyz, None
