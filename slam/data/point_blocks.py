@@ -156,14 +156,12 @@ _F8 = np.dtype(np.float64)
 
 def _as_promised(values: Array, kind: np.dtype) -> Array:
     """Numbers in the type that the header names, where that holds them."""
-    if kind.kind == "f":
-        with np.errstate(over="ignore"):
-            return values.astype(kind)
-    if values.dtype.kind == "f":
-        limits = np.iinfo(kind)
-        whole = np.isfinite(values) & (values >= limits.min) & (values < float(limits.max) + 1) & (values % 1 == 0)
-        return values.astype(kind) if whole.all() else values
-    return values.astype(kind)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if kind.kind != "f" and values.dtype.kind == "f":
+            limits = np.iinfo(kind)
+            whole = (values >= limits.min) & (values < float(limits.max) + 1) & (values % 1 == 0)
+            return values.astype(kind) if whole.all() else values
+        return values.astype(kind)
 
 
 def lines_of(file: BinaryIO) -> Iterator[bytes]:

@@ -325,6 +325,10 @@ CASES = [
          "All points, stamps exact.", ".pcd",
          lambda: pcd((*BASIC, "ring:U1", "timestamp:F8"), {**SCAN, "timestamp": 1.7e9 + SCAN["time"]}),
          times("timestamp", 1.7e9 + SCAN["time"], "f8")),
+    Case("9c", "PCD as text with rings that their type does not hold (inf, -1); found by the fuzzer", UNTRIED,
+         "All points, rings as they are written.", ".pcd",
+         lambda: pcd((*BASIC, "ring:U1"), data="ascii").replace(b" 3\n", b" inf\n").replace(b" 4\n", b" -1\n"),
+         lambda points: np.testing.assert_array_equal(np.unique(points.ring)[[0, -1]], [-1, np.inf])),
     Case("10", "PCD with CRLF in the header", FINE, "All points.", ".pcd",
          lambda: (lambda whole: (whole[: whole.index(b"binary\n")].replace(b"\n", b"\r\n")
                                 + b"binary\r\n" + whole[whole.index(b"binary\n") + 7 :]))(pcd(FULL)),
