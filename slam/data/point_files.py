@@ -176,18 +176,19 @@ def _first(columns: Mapping[str, Array], names: Sequence[str]) -> Array | None:
 
 
 def _colour(columns: Mapping[str, Array]) -> Array | None:
-    """(N, 3) uint8 of three columns or of one, in which red is the third byte from the right."""
+    """(N, 3) uint8 of three columns, or of one in which red is the third byte from the right."""
     packed = _first(columns, PACKED)
-    if packed is not None:
-        bits = packed.astype(np.float32).view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
-        return np.column_stack([bits >> 16, bits >> 8, bits]).astype(np.uint8)
     names = next((names for names in CHANNELS if columns.keys() >= set(names)), None)
-    if names is None:
-        return None
-    colour = np.column_stack([columns[name] for name in names])
-    if colour.dtype.kind == "f":  # 0..1
-        colour = np.clip(np.nan_to_num(colour), 0, 1) * 255 if len(colour) and colour.max() <= 1 else colour
-    elif colour.dtype.itemsize > 1 and len(colour) and colour.max() > 255:  # LAS: 16 bits
-        colour = colour >> 8
-    with np.errstate(invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):  # of damaged files
+        if packed is not None:
+            bits = packed.astype(np.float32).view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
+            return np.column_stack([bits >> 16, bits >> 8, bits]).astype(np.uint8)
+        if names is None:
+            return None
+        colour = np.column_stack([columns[name] for name in names])
+        highest = colour.max(initial=0)
+        if colour.dtype.kind == "f" and highest <= 1:
+            colour = colour * 255
+        elif colour.dtype.kind != "f" and highest > 255:  # LAS: 16 bits
+            colour = colour >> 8
         return colour.astype(np.uint8)

@@ -446,6 +446,8 @@ CASES = [
          "All points with colour.", ".pcd",
          lambda: pcd((*BASIC, "rgba:U4"), {**SCAN, "rgba": np.full(COUNT, 0xFFC86432, np.uint32)}),
          colour(200, 100, 50)),
+    Case("20d", "PCD with colour in a float64 that is no colour; found by the fuzzer", UNTRIED, "All points.", ".pcd",
+         lambda: pcd((*BASIC, "rgb:F8"), {**SCAN, "rgb": np.full(COUNT, 1e300)}), has()),
     Case("20c", "PLY with red, green, blue", FINE, "All points with colour.", ".ply",
          lambda: ply((*PLAIN, "uchar red", "uchar green", "uchar blue"),
                      {**SCAN, "red": np.full(COUNT, 200), "green": np.full(COUNT, 100), "blue": np.full(COUNT, 50)}),
