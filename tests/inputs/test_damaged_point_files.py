@@ -24,8 +24,8 @@ RNG = np.random.default_rng(0)
 XYZ = RNG.uniform(-20, 20, (COUNT, 3)).astype(np.float32)
 PCD = "VERSION 0.7\nFIELDS x y z _ t\nSIZE 4 4 4 1 4\nTYPE F F F U U\nCOUNT 1 1 1 {pad} 1\nWIDTH {count}\nHEIGHT 1\n"
 PCD += "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA {data}\n"
-PLY = "ply\nformat {form} 1.0\n{before}element vertex {count}\nproperty float x\nproperty float y\nproperty float z\n{more}"
-PLY += "end_header\n"
+PLY = "ply\nformat {form} 1.0\n{before}element vertex {count}\nproperty float x\nproperty float y\n"
+PLY += "property float z\n{more}end_header\n"
 FACES = "element face 1\nproperty list uchar int vertex_index\n"
 
 
@@ -146,6 +146,7 @@ def test_anything_gives_points_or_a_problem(suffix: str, content: bytes) -> None
 
 MANY = 200_000
 MANY_XYZ = RNG.uniform(-20, 20, (MANY, 3)).astype(np.float32)
+NOISE = MANY_XYZ.T.tobytes() + RNG.integers(0, 256, 4 * MANY, np.uint8).tobytes()
 UNSEEN = np.where(np.arange(MANY)[:, None] % 3, MANY_XYZ, np.float32(np.nan))
 LIE = 10**12
 HEAVY = {
@@ -155,12 +156,12 @@ HEAVY = {
     "liar_text.pcd": pcd("ascii", count=LIE) + b"10.25 20.25 30.25 4\n" * 50_000,
     "no_numbers.pcd": pcd("ascii", count=LIE) + b"a b c d\n" * 300_000,
     "one_line.pcd": pcd("ascii", count=LIE) + b"1 " * 2_000_000,
-    "stored.pcd": pcd("binary_compressed", count=MANY) + packed(MANY_XYZ.T.tobytes() + bytes(RNG.integers(0, 256, 4 * MANY, np.uint8))),
+    "stored.pcd": pcd("binary_compressed", count=MANY) + packed(NOISE),
     "no_end.pcd": b"# comment\n" * 300_000,
     "liar.ply": ply("binary_big_endian", count=LIE) + MANY_XYZ.astype(">f4").tobytes(),
     "liar_lists.ply": ply("binary_little_endian", more="property list uint double a\n", count=LIE)
     + (bytes(12) + b"\xff" * 4) * 100_000,
-    "liar_before.ply": ply("binary_little_endian", FACES.replace("face 1", f"face {LIE}")) + bytes(2_000_000),
+    "liar_before.ply": ply("binary_little_endian", FACES.replace("face 1", f"face {LIE}")) + bytes(200_000),
     "liar.npy": npy(MANY_XYZ).replace(b"(200000, 3), }" + b" " * 7, b"(1000000000000, 3), }"),
     "unseen.npy": npy(UNSEEN),
     "by_column.npy": npy(np.asfortranarray(MANY_XYZ)),
