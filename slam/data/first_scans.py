@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -54,10 +55,15 @@ def _layout(files: Sequence[Path], columns: str | None) -> tuple[Layout | None, 
         return parsed_columns(columns), ()
     if suffix != ".bin":
         return None, ()
-    try:
-        layout = told_layout(files[:FIRST])
-    except UnreadableError as error:
-        raise InputError(f"{files[0]}: {error}") from error
+    with contextlib.ExitStack() as stack:
+        opened = []
+        for path in files[:FIRST]:
+            with contextlib.suppress(OSError):
+                opened.append(stack.enter_context(path.open("rb")))
+        try:
+            layout = told_layout(opened)
+        except UnreadableError as error:
+            raise InputError(f"{files[0]}: {error}") from error
     if layout == KITTI:
         return layout, ()
     text = f"{files[0].parent}: by the numbers in them a point is {layout}; if it is not, say so with --columns"

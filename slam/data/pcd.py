@@ -174,6 +174,8 @@ def _whole_points(header: Header, size: int) -> int:
 def _by_column(
     decoded: bytes, header: Header, places: Mapping[str, tuple[int, np.dtype]], count: int
 ) -> Iterator[Block]:
+    if not count:
+        return
     columns: dict[str, Array] = {
         name: np.frombuffer(decoded, kind, count, at * header.count) for name, (at, kind) in places.items()
     }

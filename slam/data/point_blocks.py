@@ -14,11 +14,11 @@ from slam.data.cloud import Array
 #: Some points: the columns (n,) that were asked for, by their names in lower case.
 Block = Mapping[str, Array]
 #: Bytes of a file that are looked at at once, and lines of text.
-BLOCK, LINES = 1 << 20, 1 << 14
+BLOCK, LINES = 1 << 18, 1 << 11
 #: Points of what is in memory as a whole that are looked at at once.
-AT_ONCE = 1 << 16
+AT_ONCE = 1 << 14
 #: A header of more bytes is none, nor is a longer line of text.
-LONGEST = 1 << 20
+LONGEST = 1 << 18
 #: Lines of text that may be damaged before a file is given up.
 DAMAGED_LINES = 1000
 
@@ -156,14 +156,12 @@ _F8 = np.dtype(np.float64)
 
 def _as_promised(values: Array, kind: np.dtype) -> Array:
     """Numbers in the type that the header names, where that holds them."""
-    if kind.kind == "f":
-        with np.errstate(over="ignore"):
-            return values.astype(kind)
-    if values.dtype.kind == "f":
-        limits = np.iinfo(kind)
-        whole = np.isfinite(values) & (values >= limits.min) & (values < float(limits.max) + 1) & (values % 1 == 0)
-        return values.astype(kind) if whole.all() else values
-    return values.astype(kind)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if kind.kind != "f" and values.dtype.kind == "f":
+            limits = np.iinfo(kind)
+            whole = (values >= limits.min) & (values < float(limits.max) + 1) & (values % 1 == 0)
+            return values.astype(kind) if whole.all() else values
+        return values.astype(kind)
 
 
 def lines_of(file: BinaryIO) -> Iterator[bytes]:
