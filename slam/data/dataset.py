@@ -143,6 +143,8 @@ def _drives(path: str | Path) -> tuple[Path, Loader, dict[str, Path]]:
         layouts.append(loader.LAYOUT)
     if path.is_file():
         raise InputError(f"{path}: is a file, not a folder with scans; name the folder of a drive")
+    if below := [str(child) for child in sorted(path.iterdir()) if child.is_dir() and loader.drives(child)]:
+        raise InputError(f"{path}: no drive found here, but scans in {', '.join(below[:3])}; name that folder")
     raise InputError(f"{path}: no drive found; looked for {', '.join(layouts[:-1])} and {layouts[-1]}")
 
 
