@@ -915,6 +915,7 @@ def onto_the_input(bench: Bench) -> None:
         for command in (("run",), ("enrich", "--enricher", "ray-segment")):
             result = bench.lidarlift(*command, path, "--frames", ":1", "--out", out)
             result.refused(str(out), "choose another folder")
+    bench.lidarlift("compare", path, "--frames", ":1", "--out", path).refused(str(path), "choose another folder")
     assert sorted(path.rglob("*")) == before
     own = bench.folder / "000000.bin"
     content = own.read_bytes()
