@@ -845,18 +845,20 @@ IMAGES = [
 # -- nothing is lost -----------------------------------------------------------------------------------------------
 
 STOPPED = """
-import sys
+import signal, sys, time
 from lidarlift.cli import main
 from slam.tracking import Tracker
+
 track = Tracker.__call__
+
 def slow(self, frame):
     if frame.index == 4:
         print("there", flush=True)
-        import time
-        time.sleep(60)
+        time.sleep(600)
     return track(self, frame)
+
 Tracker.__call__ = slow
-sys.argv = ["lidarlift", *sys.argv[1:]]
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have what they start in the background ignore it
 main()
 """
 
