@@ -44,11 +44,6 @@ class Layout:
         """The names in the order of the columns."""
         return [name for name, _ in self.columns]
 
-    @property
-    def stride(self) -> int:
-        """Bytes of a point."""
-        return sum(kind.itemsize for _, kind in self.columns)
-
     def __str__(self) -> str:
         return ", ".join(name if kind == "<f4" else f"{name}:{kind.str[1:]}" for name, kind in self.columns)
 
@@ -154,7 +149,7 @@ def _score(samples: Sequence[tuple[bytes, int]], kind: np.dtype, width: int) -> 
 
 
 def _tables(samples: Sequence[tuple[bytes, int]], kind: np.dtype, width: int) -> Array:
-    return np.concatenate([_table(data, kind, width) for data, _ in samples])
+    return np.concatenate([table for data, _ in samples if _plausible(table := _table(data, kind, width))])
 
 
 def _table(data: bytes, kind: np.dtype, width: int) -> Array:

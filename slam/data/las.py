@@ -33,7 +33,7 @@ def read_las(file: BinaryIO, size: int, wanted: Collection[str], path: Path) -> 
         reader = laspy.LasReader(file, closefd=False, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False)
         header = reader.header
         kind = header.point_format.dtype()
-        if header.are_points_compressed:
+        if header.are_points_compressed and header.point_count:
             _check_items(header.vlrs[header.vlrs.index("LasZipVlr")].record_data, kind.itemsize)
             _check_chunks(file, size, header.offset_to_point_data)
     except UnreadableError:

@@ -73,7 +73,7 @@ def read_ply(file: BinaryIO, size: int, wanted: Collection[str]) -> Content:
     least = 2 * len(vertex.properties) if not order else vertex.stride or _least(vertex)
     content.count = min(vertex.count, left // least + (not order))
     if vertex.stride is None:
-        rows = (row for row, _ in _rows(file.read(), vertex)) if order else _rows_of_text(file, vertex)
+        rows = (row for row, _ in _rows(file.read(), vertex, order)) if order else _rows_of_text(file, vertex)
         content.blocks = _with_lists(rows, vertex, wanted, content)
     elif not order:
         words = {each.name: (at, each.kind) for at, each in reversed([*enumerate(vertex.properties)])}
@@ -99,7 +99,7 @@ def read_header(file: BinaryIO) -> tuple[str, list[Element]]:
                 continue
             case ["end_header"]:
                 break
-            case ["format", name, *_] if name in FORMATS:
+            case ["format", name, *_] if name in FORMATS and not elements:
                 order = FORMATS[name]
             case ["element", name, count]:
                 elements.append(Element(name.lower(), whole_number(count, f"element {name[:20]}")))
@@ -144,7 +144,7 @@ def _skip(file: BinaryIO, element: Element, order: str, size: int) -> None:
         file.seek(min(size, file.tell() + element.count * element.stride))
     else:
         start = file.tell()
-        ends = (end for _, end in islice(_rows(file.read(), element), element.count))
+        ends = (end for _, end in islice(_rows(file.read(), element, order), element.count))
         file.seek(start + max(ends, default=0))
 
 
@@ -166,15 +166,14 @@ def _with_lists(rows: Iterator[Row], vertex: Element, wanted: Collection[str], c
             yield {each.name: np.array(values).astype(each.kind) for each, values in columns if each.name in wanted}
 
 
-def _rows(data: bytes, element: Element) -> Iterator[tuple[Row, int]]:
+def _rows(data: bytes, element: Element, order: str) -> Iterator[tuple[Row, int]]:
     """The scalars of each, to the end of the data, and where the next begins."""
-    order = "".join(each.kind.str[:1] for each in element.properties if each.kind.itemsize > 1)[:1] or "<"
     parts, scalars = [], ""
     for each in element.properties:
         if each.length is None:
             scalars += each.kind.char.replace("l", "q").replace("L", "Q")
         else:
-            length = struct.Struct(order + scalars + each.length.char)
+            length = struct.Struct(order + scalars + each.length.char.replace("l", "q").replace("L", "Q"))
             parts.append((length, each.kind.itemsize))
             scalars = ""
     rest, at = struct.Struct(order + scalars), 0

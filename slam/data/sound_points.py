@@ -129,7 +129,9 @@ def found_offset(axes: list[Array]) -> Offset | None:
 
     Raises UnreadableError where they are no metres.
     """
-    if all(values.min() > -NOT_METRES and values.max() < NOT_METRES for values in axes if len(values)):
+    if len(axes[0]) == 0:
+        return None
+    if all(values.min() > -NOT_METRES and values.max() < NOT_METRES for values in axes):
         return NONE
     some = slice(None, None, max(1, len(axes[0]) // 4096))
     with np.errstate(invalid="ignore"):
