@@ -27,7 +27,9 @@ class Dataset(Protocol):
     problems      what is wrong with the data set as a whole; `Frame.problems` is for single scans
 
     Those of this package also have `point_times`, the verdict on the points' times (`PointTimes`), `stamps_from`, the
-    place that stamps are from, and where it is not simply the usual step between stamps `scan_period` [s].
+    place that stamps are from, and where it is not simply the usual step between stamps `scan_period` [s];
+    `points(position)`, a scan as its file has it; `images`, the file of each scan's image, or None; `folders` that the
+    drive is read from; and a folder `truth_readings` (see `GroundTruth`).
     """
 
     @property
@@ -71,7 +73,7 @@ class Loader(Protocol):
     def __call__(self, path: Path, sensor: str | Path | None, **said: Any) -> Dataset:
         """The data set of a drive; `sensor` overrides what its folder says (see `load_sensor`).
 
-        A loader may take `stamp` and `point_time` by name, as `open_dataset` does.
+        A loader may take `stamp`, `point_time` and `columns` by name, as `open_dataset` does.
         """
         ...
 
@@ -96,6 +98,7 @@ def open_dataset(
     *,
     stamp: str | None = None,
     point_time: str | None = None,
+    columns: str | None = None,
 ) -> Dataset:
     """The drive in a folder: KITTI odometry, KITTI raw, a kind that another package adds, or a folder of scans.
 
@@ -107,11 +110,27 @@ def open_dataset(
         stamp: The instant of a sweep that the stamps belong to, 'start', 'middle' or 'end'; by default sensor.yaml's
             or what the points' times tell.
         point_time: The field with the points' times, FIELD or FIELD:UNIT ('t:ns'); by default likewise.
+        columns: What the numbers in the .bin or .npy scans of a folder are, as in 'x,y,z,intensity,ring,time': float32,
+            or of the type behind a colon, 't:u4'; '_' for one of no use. By default the numbers have to tell.
 
     Raises:
         InputError: Nothing fits, the message says what was looked for; or the data set does not take an option.
     """
-    said = {"stamp": stamp, "point_time": point_time}
+    said = {"stamp": stamp, "point_time": point_time, "columns": columns}
+    path, loader, found = _drives(path)
+    return loader(_pick(path, found, sequence), sensor, **_taken(loader, path, said))
+
+
+def drives_in(path: str | Path) -> list[str]:
+    """The names of the drives at or under a path, by which `sequence` picks one; [''] for one that needs no picking.
+
+    Raises InputError where there are none.
+    """
+    return list(_drives(path)[2])
+
+
+def _drives(path: str | Path) -> tuple[Path, Loader, dict[str, Path]]:
+    """The path made absolute, the kind of data set that is there, and its drives by their names."""
     path = Path(path).expanduser()
     if not path.exists():
         raise InputError(f"{path}: no such folder; name the folder of a drive")
@@ -119,12 +138,13 @@ def open_dataset(
     layouts = []
     for name in sorted(DATASETS.names(), key=FOLDER.__eq__):  # the folder last: it takes any scans
         loader = cast(Loader, DATASETS.load(name))
-        found = loader.drives(path)
-        if found:
-            return loader(_pick(path, found, sequence), sensor, **_taken(loader, path, said))
+        if found := loader.drives(path):
+            return path, loader, found
         layouts.append(loader.LAYOUT)
     if path.is_file():
         raise InputError(f"{path}: is a file, not a folder with scans; name the folder of a drive")
+    if below := [str(child) for child in sorted(path.iterdir()) if child.is_dir() and loader.drives(child)]:
+        raise InputError(f"{path}: no drive found here, but scans in {', '.join(below[:3])}; name that folder")
     raise InputError(f"{path}: no drive found; looked for {', '.join(layouts[:-1])} and {layouts[-1]}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -28,22 +29,19 @@ def reading_of(files: Sequence[Path], columns: str | None = None) -> tuple[Readi
             said of files that name their own.
     """
     layout, told = _layout(files, columns)
-    found = []
+    unreadable = list[Problem]()
     for path in files[:FIRST]:
-        found.append(read_points(path, Reading(layout)))
-        if not any(problem.kind == "missing scan" for problem in found[-1].problems):
+        points = read_points(path, Reading(layout))
+        if len(points.xyz):
             break
-    else:
-        raise InputError(found[0].problems[0].message.replace("; no points used", "") + _likewise(files))
-    offset = found[-1].offset
-    if not any(offset):
+        unreadable += [problem for problem in points.problems if problem.kind == "missing scan"]
+    if len(unreadable) == len(files[:FIRST]):
+        others = f"; nor can the next {len(unreadable) - 1}" if len(unreadable) > 1 else ""
+        raise InputError(unreadable[0].message.replace("; no points used", "") + others)
+    if not any(points.offset):
         return Reading(layout), told
-    return Reading(layout, offset), (*told, Problem("map coordinates", f"{files[0].parent}: {map_frame(offset)}"))
-
-
-def _likewise(files: Sequence[Path]) -> str:
-    more = min(len(files), FIRST) - 1
-    return f"; nor can the next {more}" if more else ""
+    text = f"{files[0].parent}: {map_frame(points.offset)}"
+    return Reading(layout, points.offset), (*told, Problem("map coordinates", text))
 
 
 def _layout(files: Sequence[Path], columns: str | None) -> tuple[Layout | None, tuple[Problem, ...]]:
@@ -54,10 +52,15 @@ def _layout(files: Sequence[Path], columns: str | None) -> tuple[Layout | None, 
         return parsed_columns(columns), ()
     if suffix != ".bin":
         return None, ()
-    try:
-        layout = told_layout(files[:FIRST])
-    except UnreadableError as error:
-        raise InputError(f"{files[0]}: {error}") from error
+    with contextlib.ExitStack() as stack:
+        opened = []
+        for path in files[:FIRST]:
+            with contextlib.suppress(OSError):
+                opened.append(stack.enter_context(path.open("rb")))
+        try:
+            layout = told_layout(opened)
+        except UnreadableError as error:
+            raise InputError(f"{files[0]}: {error}") from error
     if layout == KITTI:
         return layout, ()
     text = f"{files[0].parent}: by the numbers in them a point is {layout}; if it is not, say so with --columns"

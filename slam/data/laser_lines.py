@@ -15,7 +15,7 @@ from slam.data.cloud import Array
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
 from slam.data.folder import UserFolder
-from slam.data.point_files import read_points
+from slam.data.point_files import Reading, read_points
 from slam.data.problem import Problem, spans
 from slam.data.scan_names import scans_in
 
@@ -166,11 +166,12 @@ MOST_RINGS = 1024
 
 def _read_scans(data: Dataset, positions: Sequence[int], on_scan: Callable[[], None]) -> list[_Scan]:
     """Rings are never taken from the lines of a known sensor, which are what is looked for."""
-    files = scans_in(data.path) if isinstance(data, UserFolder) else []
+    folder = data if isinstance(data, UserFolder) else None
+    files, reading = ([], Reading()) if folder is None else (scans_in(data.path), folder.reading)
     scans = []
     for position in positions:
         if files:
-            points = read_points(files[position])
+            points = read_points(files[position], reading)
             xyz, ring = points.xyz, points.ring
         else:
             xyz, ring = data[position].cloud.xyz, None

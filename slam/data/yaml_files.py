@@ -8,27 +8,32 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from slam.data.cloud import Array
 from slam.data.errors import InputError
+from slam.data.yaml_text import LONGEST, parsed
 
 
 def read_mapping(path: Path, known: Iterable[str]) -> dict[str, Any]:
     """The keys and values of a YAML file. Raises InputError where it is no mapping or holds a key not `known`."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        with path.open(encoding="utf-8") as file:
+            content = parsed(file.read(LONGEST + 1))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not YAML ({' '.join(str(error).split())})") from error
+    except ValueError as error:  # of text that is not UTF-8 too
+        raise InputError(f"{path}: not YAML ({error})") from error
     known = sorted(known)
     if not isinstance(content, dict):
         raise InputError(f"{path}: lines like 'key: value' are expected, with the keys {', '.join(known)}")
     for key in content:
         if key not in known:
-            raise InputError(f"{path}: unknown key '{key}'{suggest(str(key), known)}")
+            raise InputError(f"{path}: unknown key '{_short(key)}'{suggest(_short(key), known)}")
     return content
+
+
+def _short(key: Any) -> str:
+    return " ".join(str(key).split())[:60]
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
@@ -43,7 +48,7 @@ def numbers(path: Path, key: str, value: Any, shape: tuple[int, ...]) -> Array:
     expected = " x ".join("n" if size == -1 else str(size) for size in shape)
     try:
         array = np.array(value, np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path}: '{key}' must be {expected} numbers") from error
     fits = array.ndim == len(shape) and all(want in (-1, got) for want, got in zip(shape, array.shape, strict=True))
     if not fits or not np.isfinite(array).all():
