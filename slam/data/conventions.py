@@ -41,7 +41,7 @@ class Conventions:
         by default the command line. Raises InputError on a word or unit that does not exist."""
         result = self
         if stamp is not None:
-            if stamp not in INSTANTS:
+            if str(stamp) not in INSTANTS:
                 raise InputError(f"{where or '--stamp'}: '{stamp}'{suggest(str(stamp), INSTANTS)}")
             result = replace(result, stamp=stamp)
         if point_time is not None:

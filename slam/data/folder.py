@@ -135,26 +135,27 @@ class UserFolder:
     def _read_stamps(self, scans: ScanNames) -> tuple[Array | None, str, tuple[Problem, ...]]:
         """Stamps (N,) of a file or of the names, where they are from, and what is wrong with them; None where there are
         none."""
+        path = self._times_file()
+        if path is not None and (found := read_stamps(path, self._files, self.numbers)) is not None:
+            return found.seconds, f"{path.name}, {found.unit}", found.problems
+        if scans.stamps is not None:
+            stamps, problems = mended(scans.stamps, f"{self.path}: names")
+            return stamps, f"the scans' names, {scans.unit}", problems
+        return None, "assumed", ()
+
+    def _times_file(self) -> Path | None:
         places = [folder / name for folder in (self.path, self._files[0].parent) for name in TIME_FILES]
-        path = next((place for place in places if place.is_file()), None)
-        problems: tuple[Problem, ...] = ()
-        if path is not None:
-            found = read_stamps(path, self._files, self.numbers)
-            if found is not None:
-                return found.seconds, f"{path.name}, {found.unit}", found.problems
-            problems = (Problem("no time stamps", f"{path}: all of its times are the same; they are left out"),)
-        if scans.stamps is not None and (usual_step(scans.stamps) is not None or len(self) == 1):
-            stamps, repaired = mended(scans.stamps, f"{self.path}: names")
-            return stamps, f"the scans' names, {scans.unit}", (*problems, *repaired)
-        return None, "assumed", problems
+        return next((place for place in places if place.is_file()), None)
 
     def _assumed_stamps(self, step: int) -> tuple[Array, tuple[Problem, ...]]:
         """Of scans that are evenly spaced: as the points' times have it, else at SCAN_PERIOD."""
         times = self.point_times
         period = (times.period or times.sweep) if times.field else SCAN_PERIOD
         counted = self.numbers - self.numbers[0] if step == 1 else np.arange(len(self))
+        path = self._times_file()
+        fault = f"{path}: all of its times are the same" if path else f"{self.path}: no times.txt"
         why = f"as field {times.field} has it" if times.field else "assumed"
-        text = f"{self.path}: no times.txt; {1 / period:.3g} scans a second {why}"
+        text = f"{fault}; {1 / period:.3g} scans a second {why}"
         return counted * period, (Problem("no time stamps", text),)
 
     def _read_calibration(self) -> tuple[Calibration | None, tuple[Problem, ...]]:

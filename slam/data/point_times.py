@@ -21,7 +21,8 @@ LONGEST_UNSTAMPED = 10.0  # of PERIOD
 SHORTEST = 0.01  # periods that points span at least: 4 degrees of a turn
 SPREAD = 6.0  # interquartile ranges from the median: farther away are stray values
 COARSE = 0.05  # of the points' span: a field whose numbers lie farther apart says too little
-BLOCK = 0.05  # of a sweep, from the stamp: times of 0 that lie among later ones are of lost packets
+BLOCK = 0.05  # of a sweep, from the stamp: times of 0 among later ones are of lost packets,
+LOST_AT_ONCE = 8  # where so many follow each other
 MOST_STRAY = 0.5  # of a scan's times; where more are unusable, it has none
 NEAR = 0.1  # of the span, on either side of 0
 BINS = 24  # parts of a sweep in which the turning is measured,
@@ -103,7 +104,7 @@ class PointTimes:
     def verdict(self, timed: int, scans: int) -> str:
         """In one line for people, with how many of a run's `scans` had times."""
         if not self.field:
-            return f"point times: none ({self.why}); stamp = {self.stamp}"
+            return f"point times: none ({self.why}), no scan is deskewed"
         how = f"field {self.field}, {self.unit}, {'absolute' if self.absolute else 'relative'}"
         how = "from the azimuth" if self.field == AZIMUTH else how
         span = f"{_milliseconds(self.first)} to {_milliseconds(self.last)} ms of a {_milliseconds(self.sweep)} ms sweep"
@@ -228,7 +229,7 @@ def _from_origin(values: Array, factor: float) -> tuple[Array, float]:
 def _unit(scans: Sequence[_Seen], span: float, longest: float) -> str:
     """That of times since 1970; shares of the sweep, 0 to 1; or the largest in which no sweep takes too long."""
     epoch = epoch_unit(np.array([scan.first for scan in scans]))
-    if epoch:
+    if epoch and span * UNITS[epoch] <= longest:
         return epoch
     first, last = _median(scan.first for scan in scans), _median(scan.last for scan in scans)
     floats = all(scan.values.dtype.kind == "f" for scan in scans)
@@ -287,15 +288,16 @@ def _turn(scan: _Seen) -> float | None:
 
 
 def _lost(time: Array, slack: float) -> Array:
-    """(M,) bool: times of exactly 0 between others that are not near it, as drivers write where packets were lost."""
-    zero = time == 0
+    """(M,) bool: several times of exactly 0 between others that are not near it, as drivers write where packets were
+    lost."""
+    lost, zero = np.zeros(len(time), bool), time == 0
     others = np.flatnonzero(~zero & np.isfinite(time))
-    places = np.flatnonzero(zero)
+    runs = np.split(places := np.flatnonzero(zero), np.flatnonzero(np.diff(places) > 1) + 1)
+    places = np.concatenate([run for run in runs if len(run) >= LOST_AT_ONCE] or [np.zeros(0, np.int64)])
     if len(places) == 0 or len(others) == 0:
-        return np.zeros(len(time), bool)
+        return lost
     after = np.searchsorted(others, places)
     inside = (after > 0) & (after < len(others))
     before, behind = others[np.maximum(after - 1, 0)], others[np.minimum(after, len(others) - 1)]
-    lost = np.zeros(len(time), bool)
     lost[places] = inside & (np.abs(time[before]) > slack) & (np.abs(time[behind]) > slack)
     return lost
