@@ -25,7 +25,7 @@ def read_npy(file: BinaryIO, size: int, wanted: Collection[str], columns: Sequen
     if kind.hasobject:
         raise UnreadableError("holds Python objects, which are not read; save a plain array: np.save(file, points)")
     if kind.itemsize == 0 or min(shape, default=0) < 0:
-        raise UnreadableError(f"{kind} of shape {_times(shape)} is no table of points")
+        raise UnreadableError(f"{kind} of shape {shape} is no table of points")
     promised = math.prod(shape)
     there = min(promised, max(0, size - file.tell()) // kind.itemsize)
     if there == promised:
@@ -90,18 +90,14 @@ def _numbers(values: Array, dimensions: int) -> Array | None:
 
 
 def _misfit(table: Array, columns: Sequence[str] | None) -> str:
-    shape = f"{table.dtype} of shape {_times(table.shape)}"
+    shape = f"{table.dtype} of shape {table.shape}"
     if columns is not None:
         return f"{shape}; numbers of shape N x {len(columns)} are expected: {', '.join(columns)}"
     if table.ndim == 2 and table.shape[0] in (3, 4) and table.dtype.kind in "fiu":
         return f"{shape}; N x {table.shape[0]} is expected: save points.T"
     if table.ndim == 2 and table.shape[1] > 4 and table.dtype.kind in "fiu":
-        return f"{shape}; say what the columns are: --columns x,y,z,intensity,..."
+        return f"{shape}; more than N x 4 needs names: a structured array, or of files --columns x,y,z,intensity,..."
     return f"{shape}; numbers of shape N x 3 or N x 4 are expected"
-
-
-def _times(shape: tuple[int, ...]) -> str:
-    return " x ".join(map(str, shape)) or "()"
 
 
 def _header(file: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype]:

@@ -87,7 +87,7 @@ class _Gathering:
         end = self.kept + len(room)
         self.xyz[self.kept : end] = room
         for name, values in block.items():
-            if name not in "xyz":
+            if name not in ("x", "y", "z"):
                 self._column(name, values)[self.kept : end] = values if chosen is None else values[chosen]
         self.read, self.kept = self.read + size, end
 

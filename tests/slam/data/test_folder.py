@@ -148,7 +148,7 @@ def test_a_pickle_is_never_executed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("table", [np.zeros((2, 7)), np.zeros(4), np.zeros((2, 3), "U1")])
 def test_arrays_that_are_no_points_are_refused(tmp_path: Path, table: np.ndarray) -> None:
     np.save(tmp_path / "1.npy", table)
-    with pytest.raises(InputError, match=r"N x 3 or N x 4|what the columns are: --columns"):
+    with pytest.raises(InputError, match="N x 4"):
         open_dataset(tmp_path)[0]
 
 
