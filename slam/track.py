@@ -98,6 +98,7 @@ class Track:
         self._jumps = self._squared_jumps = self._overlap = 0.0
         self._unobserved, self._unobserved_for = np.zeros((0, 3)), 0.0  # in the map's axes; since so many seconds
         self._evicted_at = np.zeros(3)
+        self._first: PointCloud | None = None  # the first scan as recorded, until the second tells how fast it was
         self.weighing, self.evidence = False, 0.0  # whether it competes with other hypotheses, and what speaks for it
 
     @property
@@ -115,6 +116,7 @@ class Track:
             step = OdometryStep(prediction, 1e-12 * np.eye(6), "registered", None, scan)
         else:
             step = self._registered_step(self.target, points, prediction, scan, stamp)
+        self._first = cloud if self._registered == 0 and cloud.time is not None else None
         return self._taken(step, map_points, points, stamp)
 
     def branches(self, cloud: PointCloud, stamp: float) -> list[tuple[Track, OdometryStep]]:
@@ -131,9 +133,23 @@ class Track:
         for found in distinct[:HYPOTHESES]:
             track = copy.deepcopy(self)
             track.weighing = True
+            if self._first is not None:
+                found, scan, map_points, points = track._deskewed(self._first, cloud, found, stamp)
             step = OdometryStep(found.pose, ENDS * found.sandwich, "registered", found, scan)
             branches.append((track, track._taken(step, map_points, points, stamp)))
         return branches
+
+    def _deskewed(
+        self, first: PointCloud, second: PointCloud, found: RegistrationResult, stamp: float
+    ) -> tuple[RegistrationResult, PointCloud, Points, Points]:
+        """The second scan and its registration, once both scans are deskewed by the motion between them: how fast the
+        sensor was at the first one, nobody knew."""
+        assert self.target is not None
+        self._velocity = se3.log(se3.normalized(se3.inverse(self._pose) @ found.pose)) / self._elapsed(stamp)
+        self.target.clear()
+        self.target.insert(*self._prepared(first)[1], self._pose)
+        scan, map_points, points = self._prepared(second)
+        return self.target.align(*points, found.pose), scan, map_points, points
 
     def _distinct(
         self, tried: list[RegistrationResult], score: Callable[[Array], float], stamp: float
