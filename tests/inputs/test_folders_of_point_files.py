@@ -107,7 +107,7 @@ def test_a_data_set_of_its_own_layout_takes_no_columns(tmp_path: Path) -> None:
     folder_of(tmp_path / ["sequences", "00", "velodyne"][0])
     (tmp_path / "sequences/00/velodyne").mkdir(parents=True)
     WIDE[:, :4].astype("<f4").tofile(tmp_path / "sequences/00/velodyne/000000.bin")
-    with pytest.raises(InputError, match="name the folder of its scans"):
+    with pytest.raises(InputError, match="--columns"):
         open_dataset(tmp_path, columns="x,y,z,i")
 
 

@@ -40,4 +40,4 @@ def test_columns_that_are_none(lidarlift: Command, packed: Path) -> None:
 
 
 def test_columns_of_a_layout_that_has_its_own(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
-    lidarlift("run", street_drive(), "--columns", "x,y,z", "--out", "r").refused("name the folder of its scans")
+    lidarlift("run", street_drive(), "--columns", "x,y,z", "--out", "r").refused("--columns")
