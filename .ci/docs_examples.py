@@ -1,4 +1,4 @@
-"""An extension of griffe, which reads docstrings for the site: `Example:` before `>>>` is a section as `Examples:` is."""
+"""For griffe, which reads the docstrings for the site: `Example:` before `>>>` is a section, as `Examples:` is."""
 
 from __future__ import annotations
 

@@ -34,31 +34,32 @@ OUTSIDE = {
     "benchmarks/README.md": "results/index.md",
 }
 FOLDERS = {"benchmarks/results": "results", "enrichment/weights": "weights"}  # of all their pages and pictures
-COMMANDS = "command-line.md"
+COMMANDS = "command-line.md"  # which says where the text comes from; the site has the text
 LINK = re.compile(r"(?P<picture>!?)\[(?P<text>(?:[^\[\]]|\[[^\]]*\])*)\]\((?P<target>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
 EQUATION = re.compile(r'<(div|span) class="arithmatex">\\[\[(](.*?)\\[\])]</\1>', re.DOTALL)
 
 
 def on_config(config: MkDocsConfig) -> None:
     """The results' pages enter the navigation."""
-    pages = ["results/index.md", *sorted(site for site in _places().values() if re.match(r"results/(?!index).*md", site))]
+    pages = {site for site in _places().values() if re.fullmatch(r"results/.*\.md", site)} - {"results/index.md"}
     section = next(entry for entry in config.nav or [] if "Results" in entry)
-    section["Results"] = pages
+    section["Results"] = ["results/index.md", *sorted(pages)]
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """The pages from outside docs/, and the page of the command line, become files of the site."""
+    """The pages from outside docs/ become files of the site."""
     from mkdocs.structure.files import File
 
     for place, site in _places().items():
         if not place.startswith("docs/"):
             files.append(File.generated(config, site, abs_src_path=str(REPOSITORY / place)))
-    files.append(File.generated(config, COMMANDS, content=_command_line()))
     return files
 
 
-def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Links by places in the repository become links of the site."""
+def on_page_markdown(markdown: str, *, page: Page, **_: object) -> str:
+    """Links by places in the repository become links of the site; the command line's page gets its text."""
+    if page.file.src_uri == COMMANDS:
+        return _command_line()
     places = _places()
     place = next((place for place, site in places.items() if site == page.file.src_uri), None)
     if place is None:
@@ -77,7 +78,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     return LINK.sub(link, markdown)
 
 
-def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+def on_page_content(html: str, **_: object) -> str:
     """Equations become MathML, which browsers show by themselves."""
 
     def equation(found: re.Match[str]) -> str:

@@ -1,0 +1,41 @@
+"""Evaluate the trajectory of any system against a reference, and plot the error along the way.
+
+python examples/evaluate_trajectory.py kiss_icp_poses.txt poses/04.txt --calib sequences/04/calib.txt --out error.png
+
+Both files have KITTI's or TUM's format. --calib brings KITTI's reference, poses of camera 0, into the LiDAR's frame,
+for systems that, as KISS-ICP and lidarlift do, write poses of the LiDAR.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import lidarlift
+from eval.body_frame import into_lidar_frame, read_camera0_calibration
+from eval.plot import plot_trajectory
+from slam.data.pose_files import read_poses
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("estimate", type=Path)
+    parser.add_argument("reference", type=Path)
+    parser.add_argument("--calib", type=Path, help="KITTI's calib.txt of the sequence")
+    parser.add_argument("--out", type=Path, default=Path("error.png"), help="the picture")
+    options = parser.parse_args()
+
+    metrics = lidarlift.evaluate(options.estimate, options.reference, options.calib)
+    print(f"ATE {metrics.ate.aligned.rmse:.3f} m (SE(3)-aligned), drift {metrics.drift.translation_percent} %")
+    print(f"over {metrics.reference_path_length_m:.1f} m, {metrics.frames} poses; {metrics.protocol['frame']}")
+
+    stamps, estimate = read_poses(options.estimate)
+    reference_stamps, reference = read_poses(options.reference)
+    if options.calib:
+        reference = into_lidar_frame(reference, read_camera0_calibration(options.calib))
+    plot_trajectory(options.out, estimate, reference, options.estimate.name, stamps, reference_stamps)
+    print(f"Picture: {options.out}")
+
+
+if __name__ == "__main__":
+    main()
