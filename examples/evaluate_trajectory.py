@@ -1,9 +1,10 @@
-"""Evaluate the trajectory of any system against a reference, and plot the error along the way.
+"""Evaluate the trajectory of any system against a reference, and plot the error along the path.
 
-python examples/evaluate_trajectory.py kiss_icp_poses.txt poses/04.txt --calib sequences/04/calib.txt --out error.png
+python examples/evaluate_trajectory.py results/latest/04_poses_kitti.txt kitti/poses/04.txt --out error.png
 
-Both files have KITTI's or TUM's format. --calib brings KITTI's reference, poses of camera 0, into the LiDAR's frame,
-for systems that, as KISS-ICP and lidarlift do, write poses of the LiDAR.
+Both files have KITTI's or TUM's format. KITTI's ground truth consists of poses of camera 0, and so does a trajectory that
+KISS-ICP writes with its KITTI loader. For poses of the LiDAR, as lidarlift writes them, add --calib: it brings the
+reference into the LiDAR's frame.
 """
 
 from __future__ import annotations
