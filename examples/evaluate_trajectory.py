@@ -2,8 +2,8 @@
 
 python examples/evaluate_trajectory.py results/latest/04_poses_kitti.txt kitti/poses/04.txt --out error.png
 
-Both files have KITTI's or TUM's format. KITTI's ground truth consists of poses of camera 0, and so does a trajectory that
-KISS-ICP writes with its KITTI loader. For poses of the LiDAR, as lidarlift writes them, add --calib: it brings the
+Both files have KITTI's or TUM's format. KITTI's ground truth consists of poses of camera 0, and so does a trajectory
+that KISS-ICP writes with its KITTI loader. For poses of the LiDAR, as lidarlift writes them, add --calib: it brings the
 reference into the LiDAR's frame.
 """
 
