@@ -15,6 +15,7 @@ REACH = 30  # m, shown ahead, behind and to both sides
 
 
 def main() -> None:
+    """Enrich one scan and draw it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("dataset", help="KITTI, or a folder of scans")
     parser.add_argument("--sensor", help="the LiDAR, where the folder does not say: vlp16, ... or a YAML file")

@@ -19,6 +19,7 @@ from slam.data.pose_files import read_poses
 
 
 def main() -> None:
+    """Print the figures and draw the plot."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("estimate", type=Path)
     parser.add_argument("reference", type=Path)

@@ -16,7 +16,7 @@ import lidarlift
 
 
 def scans(folder: str, sensor: str | None) -> Iterator[tuple[float, lidarlift.PointCloud]]:
-    """Stamps [s] and points. A driver's (N, 4) array x y z intensity, or structured array, serves as well."""
+    """Yield stamps [s] and points. A driver's (N, 4) array x y z intensity, or structured array, serves as well."""
     data = lidarlift.open_dataset(folder, sensor=sensor)
     for position in range(len(data)):
         frame = data[position]
@@ -24,6 +24,7 @@ def scans(folder: str, sensor: str | None) -> Iterator[tuple[float, lidarlift.Po
 
 
 def main() -> None:
+    """Feed `Slam` until the scans end, then write the run folder."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", help="KITTI, or a folder of scans")
     parser.add_argument("--sensor", help="the LiDAR, where the folder does not say")

@@ -18,6 +18,7 @@ import lidarlift
 
 
 def main() -> None:
+    """Describe the LiDAR, check the rings, run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scans", type=Path, help="a folder of scans")
     parser.add_argument("--rings", type=int, default=16)

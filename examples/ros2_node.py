@@ -20,6 +20,8 @@ import lidarlift
 
 
 class SlamNode(Node):
+    """Subscribes to `points`, publishes `odometry`; parameters `sensor` and `out`."""
+
     def __init__(self) -> None:
         super().__init__("lidarlift")
         sensor = self.declare_parameter("sensor", "vlp16").value
@@ -29,6 +31,7 @@ class SlamNode(Node):
         self.create_subscription(PointCloud2, "points", self.on_scan, qos_profile_sensor_data)
 
     def on_scan(self, message: PointCloud2) -> None:
+        """Register one scan and publish its pose, stamped as the scan."""
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         points = point_cloud2.read_points(message)  # structured array: x, y, z, and intensity, ring, time where sent
         step = self.slam.add(points, stamp)
@@ -43,6 +46,7 @@ class SlamNode(Node):
 
 
 def main() -> None:
+    """Spin until Ctrl-C, then write the run folder."""
     rclpy.init()
     node = SlamNode()
     with node.slam:

@@ -11,6 +11,7 @@ import lidarlift
 
 
 def main() -> None:
+    """Open, run, evaluate."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("kitti", help="root of KITTI odometry or raw, or one sequence")
     parser.add_argument("--sequence", help="04 (odometry), 0013 (raw); not needed where there is only one")
