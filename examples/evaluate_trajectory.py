@@ -12,8 +12,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import numpy as np
+
 import lidarlift
-from eval.body_frame import into_lidar_frame, read_camera0_calibration
+from eval.body_frame import read_camera0_calibration
 from eval.plot import plot_trajectory
 from slam.data.pose_files import read_poses
 
@@ -34,7 +36,8 @@ def main() -> None:
     stamps, estimate = read_poses(options.estimate)
     reference_stamps, reference = read_poses(options.reference)
     if options.calib:
-        reference = into_lidar_frame(reference, read_camera0_calibration(options.calib))
+        T_camera_lidar = read_camera0_calibration(options.calib)
+        reference = np.linalg.inv(T_camera_lidar) @ reference @ T_camera_lidar
     plot_trajectory(options.out, estimate, reference, options.estimate.name, stamps, reference_stamps)
     print(f"Picture: {options.out}")
 
