@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 # Stamps: what each target needs is installed once, and the runtime comes along with everything else.
 RUNTIME := $(VENV)/.ready-runtime
 DEV := $(VENV)/.ready-dev
+DOCS := $(VENV)/.ready-docs
 BENCHMARKS := $(VENV)/.ready-benchmarks
 # Peers that want other versions than lidarlift, in environments of their own. All versions: benchmarks/peers.txt.
 PEERS := kiss-slam rko-lio
@@ -23,7 +24,7 @@ PLAIN := NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= NUMBA_CACHE_DIR="$(CURDIR)/.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test portable lint wheel benchmark peers clean
+.PHONY: help setup demo test portable lint docs wheel benchmark peers clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -45,6 +46,10 @@ lint: $(DEV) ## check style, types and the import contract
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
+docs: $(DOCS) ## build the documentation site into build/site; a broken link is an error
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
+	@echo "build/site/index.html"
+
 wheel: $(DEV) ## build the wheel into dist, and try it in an environment of its own
 	@$(BIN)/python .ci/wheel.py dist
 
@@ -60,7 +65,7 @@ clean: ## remove .venv, .peers and what builds and tools left
 
 # What Debian has to bring: libusb-1.0 for open3d, and venv's ensurepip where python3 comes without it.
 # ldconfig lies in /sbin, which is not on everyone's PATH; other systems have none and need nothing of this.
-$(RUNTIME) $(DEV) $(BENCHMARKS): pyproject.toml constraints.txt benchmarks/peers.txt
+$(RUNTIME) $(DEV) $(DOCS) $(BENCHMARKS): pyproject.toml constraints.txt benchmarks/peers.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
 	    echo "lidarlift needs Python 3.11 or newer, '$(PYTHON)' is not: make setup PYTHON=python3.12" >&2; exit 1; }
 	@PATH="$$PATH:/usr/sbin:/sbin"; missing=; \
@@ -93,6 +98,8 @@ $(OWN): .peers/%/.ready: $(BENCHMARKS)
 
 .peers/kiss-slam/.ready: ALSO := pillow
 $(RUNTIME): SIZE := 1.5 GB
+$(DOCS): EXTRAS := [docs]
+$(DOCS): SIZE := 1.6 GB
 $(DEV): EXTRAS := [dev,benchmarks]
 $(DEV): SIZE := 3 GB
 $(BENCHMARKS): EXTRAS := [benchmarks]

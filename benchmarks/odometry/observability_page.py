@@ -48,7 +48,7 @@ def page(found: Mapping[str, Any]) -> str:
     note = f"\n{found['about']['note']}\n" if "note" in found["about"] else ""
     cases = list(_cases(results))
     reach = ", ".join(sorted({f"{entry['reach_m']:g}" for _, _, entry in cases}))
-    return f"""# What holds the odometry, and whether it knows
+    return f"""# Observability and consistency
 
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores.
 
