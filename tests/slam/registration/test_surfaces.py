@@ -76,7 +76,7 @@ def test_eigenvalues_and_vectors_are_those_of_numpy(values: list[float], turn: t
 def test_a_pole_without_any_width_holds_to_both_sides() -> None:
     pole = np.zeros((20, 3))
     pole[:, 2] = np.linspace(0.0, 1.0, 20)
-    cells = seen(pole + [0.5, 0.5, 0.0])
+    cells = seen(pole + np.array([0.5, 0.5, 0.0]))
     assert along(cells, ACROSS) < 0.05
     assert along(cells, np.cross(ACROSS, UP)) < 0.05
 
