@@ -18,7 +18,7 @@ from benchmarks.depth.tables import of_views
 from enrichment.methods.registry import LIFT, NETWORK_METHODS, make_methods, runnable
 from eval.depth.tables import PAPER, VIEWS
 from eval.text import number
-from lidarlift.depth_benchmark import report_of_drive
+from lidarlift.depth_benchmark import sequence_report
 from slam.data.dataset import open_dataset
 
 RAW, TRAINED_ON = "KITTI raw", "0013"  # the shipped networks have seen 0013
@@ -32,7 +32,7 @@ def main() -> None:
     pin_to_one_core()
     reports: dict[str, Any] = {}
     for data in map(open_dataset, options.datasets):
-        reports[data.name] = report_of_drive(
+        reports[data.name] = sequence_report(
             data, make_methods([name for name in runnable() if name != LIFT])
         ).as_dict()
     about = surroundings(("numpy", "opencv-python-headless", "onnxruntime"))

@@ -37,7 +37,7 @@ class MethodReport:
 
 
 @dataclass(frozen=True)
-class AboutDrive:
+class AboutSequence:
     """A drive whose scans methods saw some rings of.
 
     Attributes:
@@ -88,7 +88,7 @@ class DepthReport:
     """
 
     methods: Mapping[str, MethodReport]
-    about: AboutDrive | AboutDepthMaps
+    about: AboutSequence | AboutDepthMaps
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: the methods by name, and "about"."""

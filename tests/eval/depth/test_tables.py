@@ -6,7 +6,7 @@ import numpy as np
 from eval.depth.maps import DepthMapFigures
 from eval.depth.metrics import PROTOCOL, range_figures
 from eval.depth.plot import plot_risk_coverage
-from eval.depth.report import AboutDepthMaps, AboutDrive, DepthReport, MethodReport
+from eval.depth.report import AboutDepthMaps, AboutSequence, DepthReport, MethodReport
 from eval.depth.tables import format_report
 
 TRUTH = np.linspace(2, 70, 200)
@@ -19,7 +19,7 @@ def report():
     unsure = range_figures(TRUTH, TRUTH + 0.5, np.full(200, np.inf), everywhere)
     return DepthReport(
         methods={"knows": MethodReport(12.34, sure, sure, 1000), "knows-not": MethodReport(5.0, unsure, unsure)},
-        about=AboutDrive("a drive", "KITTI raw 0005", (3, 4), (4,), "hdl64", 4, 0, 2000, PROTOCOL),
+        about=AboutSequence("a drive", "KITTI raw 0005", (3, 4), (4,), "hdl64", 4, 0, 2000, PROTOCOL),
     )
 
 
