@@ -70,14 +70,14 @@ def sequence_report(
     from enrichment.calibration import Calibrated
     from enrichment.geometry.held_out import hold_out, past_of, ring_step
     from enrichment.geometry.rays import RayGrid
-    from eval.depth.metrics import PROTOCOL, Answers
+    from eval.depth.metrics import PROTOCOL, Predictions
     from eval.depth.report import VIEWS, AboutSequence, DepthReport, MethodReport
 
     positions = frames_to_measure(data, frames, phase)
     assert data.sensor is not None
     grid, step = RayGrid(data.sensor), ring_step(data.sensor)
     clocks = {name: _Clock(Calibrated(method)) for name, method in methods.items()}
-    views = {view: Answers(len(positions)) for view in VIEWS}
+    views = {view: Predictions(len(positions)) for view in VIEWS}
     left_out = []
     for position in positions:
         frame = data[position]

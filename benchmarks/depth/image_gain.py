@@ -10,7 +10,7 @@ import numpy as np
 from enrichment.geometry.held_out import HeldOut, hold_out, past_of
 from enrichment.geometry.rays import Prediction, RayGrid
 from enrichment.geometry.sparse_scan import Method, SparseScan
-from eval.depth.metrics import Answers
+from eval.depth.metrics import Predictions
 from slam.data.cloud import Array
 from slam.data.dataset import Dataset
 from slam.data.sensor import Sensor
@@ -38,7 +38,7 @@ def image_gain(
     """By kind of returns in the image, then with and without it: MAE [mm] by seed."""
     assert data.sensor is not None
     grid, positions = RayGrid(data.sensor), range(0, len(data), step)
-    kinds = {kind: Answers(len(positions)) for kind in (ALL, JUMPS, FAR)}
+    kinds = {kind: Predictions(len(positions)) for kind in (ALL, JUMPS, FAR)}
     for position in positions:
         held = hold_out(data[position], grid, past=past_of(data, position))
         if held.seen is None:

@@ -32,7 +32,7 @@ TOLERANCE, ITERATIONS = 1e-4, 500  # relative residual at which conjugate gradie
 #: Measured on KITTI, 16 of 64 rings; what interpolates planes has less.
 WINDOW, LEAST_SIGMA = (41, 13), 0.05
 NEAREST_SPREAD, IP_BASIC_SPREAD, DELAUNAY_SPREAD, MRF_SPREAD = 0.19, 0.19, 0.035, 0.1
-SURE, SURE_SHARE = 0.1, 0.02  # m; of the range
+AT_COVERAGE, SURE_SHARE = 0.1, 0.02  # m; of the range
 
 
 def nearest_sample(sparse: Array, _image: Array) -> Array:
@@ -146,8 +146,8 @@ class DepthCompletion:
 
 
 def sure(ranges: Array, sigma: Array) -> Array:
-    """Which ranges are to be trusted, bool: those with a sigma of at most SURE, or SURE_SHARE of the range."""
-    return sigma <= np.maximum(SURE, SURE_SHARE * ranges)
+    """Which ranges are to be trusted, bool: those with a sigma of at most AT_COVERAGE, or SURE_SHARE of the range."""
+    return sigma <= np.maximum(AT_COVERAGE, SURE_SHARE * ranges)
 
 
 def _spread(dense: Array) -> Array:

@@ -17,12 +17,12 @@ def drive(axis=0, count=30):
     return np.array([se3.exp(k * xi) for k in range(count)])
 
 
-def test_forward_along_x_is_lidar_along_z_camera():
+def test_motion_along_x_is_lidar_and_along_z_is_camera():
     assert body_frame(drive(0)) == "lidar"
     assert body_frame(drive(2)) == "camera"
 
 
-def test_where_the_world_points_does_not_matter():
+def test_the_body_frame_does_not_depend_on_the_world_frame():
     assert body_frame(se3.exp(np.array([1.0, 2, 0.5, 9, 9, 9])) @ drive(2)) == "camera"
 
 
@@ -35,7 +35,7 @@ def test_where_the_world_points_does_not_matter():
     ],
     ids=["standing", "one pose", "diagonal"],
 )
-def test_too_little_to_tell(poses):
+def test_short_motion_is_unknown(poses):
     assert body_frame(poses) == "unknown"
 
 
@@ -45,14 +45,14 @@ def test_a_noisy_standing_sensor_is_unknown():
     assert body_frame(poses) == "unknown"
 
 
-def test_a_camera_drive_becomes_the_lidars():
+def test_camera_poses_are_converted_into_lidar_poses():
     lidar = drive(0)
     camera = T_CAMERA0_LIDAR @ lidar @ se3.inverse(T_CAMERA0_LIDAR)
     assert body_frame(camera) == "camera"
     np.testing.assert_allclose(into_lidar_frame(camera, T_CAMERA0_LIDAR), lidar, atol=1e-12)
 
 
-def test_odometry_and_raw_calibration_files(tmp_path):
+def test_odometry_and_raw_calibration_files_are_read(tmp_path):
     odometry, raw = tmp_path / "calib.txt", tmp_path / "calib_velo_to_cam.txt"
     odometry.write_text("P0: 1 0 0 0 0 1 0 0 0 0 1 0\nTr: " + " ".join(map(str, T_CAMERA0_LIDAR[:3].ravel())) + "\n")
     raw.write_text(
@@ -70,18 +70,18 @@ def test_odometry_and_raw_calibration_files(tmp_path):
         ("Tr: 1 2 3\n", "12 numbers"),
         ("Tr: " + "nan " * 12, "12 numbers"),
         ("Tr: a b c\n", "no LiDAR-to-camera transform"),
-        ("Tr: " + "1 " * 12, "not a rotation"),
+        ("Tr: " + "1 " * 12, "not a rigid motion"),
         ("R: 1 0 0 0 1 0 0 0 1\nT: 0 0 0\n", "another pair of sensors"),
     ],
 )
-def test_broken_calibration(tmp_path, text, complaint):
+def test_a_broken_calibration_is_an_error(tmp_path, text, complaint):
     file = tmp_path / "calib.txt"
     file.write_text(text)
     with pytest.raises(InputError, match=complaint):
         read_camera0_calibration(file)
 
 
-def test_missing_calibration(tmp_path):
+def test_a_missing_calibration_is_an_error(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         read_camera0_calibration(tmp_path / "calib.txt")
 
@@ -95,7 +95,7 @@ def test_missing_calibration(tmp_path):
         (2, 0, "camera", "leave --calib out"),
     ],
 )
-def test_refusals_say_what_to_do(estimate, reference, calibrated_from, remedy):
+def test_different_body_frames_are_an_error_with_a_remedy(estimate, reference, calibrated_from, remedy):
     with pytest.raises(InputError, match=remedy):
         require_same_frame(drive(estimate), drive(reference), ("a.txt", "b.txt"), calibrated_from)
 

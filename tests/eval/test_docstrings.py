@@ -11,5 +11,5 @@ MODULES = [module.name for module in pkgutil.walk_packages(import_module("eval")
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_examples(name):
+def test_docstring_examples_are_true(name):
     assert doctest.testmod(import_module(name), extraglobs={"np": np}).failed == 0

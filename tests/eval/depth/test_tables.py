@@ -34,14 +34,14 @@ def test_every_method_has_a_row_in_each_table():
     assert "AUSE: " in text
 
 
-def test_columns_that_nobody_has_are_left_out():
+def test_empty_columns_are_left_out():
     figures = DepthMapFigures(images=3, coverage=1.0, mae_mm=300.0, rmse_mm=1200.0, imae=1.0, irmse=3.0)
     text = format_report(DepthReport({"method": MethodReport(1.0, figures)}, AboutDepthMaps("three", (), {})))
     assert "AUSE" not in text
     assert "1200" in text
 
 
-def test_the_picture_is_whole(tmp_path):
+def test_the_risk_coverage_plot_is_written(tmp_path):
     plot_risk_coverage(report(), tmp_path / "risk.png")
     assert cv2.imread(str(tmp_path / "risk.png")).shape[1] > 1000
     assert [path.name for path in tmp_path.iterdir()] == ["risk.png"]

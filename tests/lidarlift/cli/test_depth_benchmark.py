@@ -55,8 +55,8 @@ def test_without_a_camera_only_all_returns_are_measured(lidarlift: Command, stre
     assert result.code == 0, result.err
     assert report()["ray-segment"].keys() == {"full", "ms"}
     assert report()["about"]["phase"] == 2
-    assert "All around" in result.out
-    assert "In the image" not in result.out
+    assert "All returns (360 deg)" in result.out
+    assert "Camera field of view" not in result.out
 
 
 def test_a_damaged_scan_is_left_out(lidarlift: Command, street_drive: Drive) -> None:
