@@ -64,8 +64,8 @@ def main() -> None:
 def _candidates(drive: RecordedKeyframes, rng: np.random.Generator) -> Iterator[Candidate]:
     """Every revisit, then wrong ones: alike by scan context, 10 to 40 m further on the same street, at random."""
     distances, way = drive.distances(), drive.travelled
-    older = way[:, None] - way >= DEFAULT.min_travelled
-    for query in np.flatnonzero(drive.revisits(DEFAULT.min_travelled)):
+    older = way[:, None] - way >= DEFAULT.min_travelled_distance
+    for query in np.flatnonzero(drive.revisits(DEFAULT.min_travelled_distance)):
         match = int(np.where(older[query], distances[query], np.inf).argmin())
         yield "revisits", int(query), match, _disturbed(drive, int(query), match, rng)
     yield from _alike(drive, distances)

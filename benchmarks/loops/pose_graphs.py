@@ -15,7 +15,7 @@ from slam.data import se3
 from slam.data.cloud import Array
 from slam.data.pose_files import read_poses
 from slam.graph.g2o import read_g2o
-from slam.graph.judge import judge
+from slam.graph.loop_selection import select_loops
 from slam.graph.pose_graph import Edge, odometry_poses
 from slam.graph.solver import squared_distances
 
@@ -49,7 +49,7 @@ class Case:
 
     def clean_error(self) -> tuple[float, float]:
         """Error of the clean graph by our back end, and by GTSAM's Levenberg-Marquardt from its chordal start."""
-        poses = judge(self.odometry, self.loops, self.start).poses
+        poses = select_loops(self.odometry, self.loops, self.start).poses
         assert self.optimum is not None
         return float(squared_distances([*self.odometry, *self.loops], poses).sum()) / 2, self.optimum
 

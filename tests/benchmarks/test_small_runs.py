@@ -94,7 +94,7 @@ def test_the_back_end_drops_false_loops() -> None:
 def test_a_street_driven_twice_is_recognised(street_scans: list[Array], street_poses: Array) -> None:
     clouds = [scan[:, :3] for scan in street_scans[::2]]
     reference = np.concatenate([street_poses[::2], street_poses[::2]])
-    settings = ScanContextSettings(min_travelled=5.0, submap_length=0.0)
+    settings = ScanContextSettings(min_travelled_distance=5.0, submap_length=0.0)
     found = places.recognise(
         places.RecordedKeyframes([*clouds, *clouds], reference, reference, 1.0), [*clouds, *clouds], settings
     )
