@@ -1,4 +1,4 @@
-"""What goes with weights: what they were trained on, how, how good they are, and what one may do with them."""
+"""Model cards: training data, training, figures and licence of weights."""
 
 from __future__ import annotations
 
@@ -85,7 +85,17 @@ def model_card(
     validation: Sequence[Pack],
     command: str,
 ) -> str:
-    """Markdown, of the weights after `step` steps; `best`, their validation, is None where there was none."""
+    """Format the model card of a depth completion network in Markdown.
+
+    Args:
+        plan: Settings of the training.
+        step: Number of steps after which the weights were taken.
+        best: Validation of the weights, None without one.
+        parameters: Number of learned parameters.
+        packs: Packs for training.
+        validation: Packs for validation.
+        command: The command that trained them.
+    """
     used = [(drive, use) for use, some in (("training", packs), ("validation", validation)) for drive in _drives(some)]
     return TEMPLATE.format(
         model=plan.model,
@@ -117,7 +127,7 @@ def lift_card(
     own_rings: bool,
     command: str,
 ) -> str:
-    """The same for Lift, which learns from drives. `own_rings`: from nothing but a sparse LiDAR's own rings."""
+    """Format the model card of Lift, as `model_card`; `own_rings`: trained on the rings of a sparse LiDAR only."""
     used = [(drive, use) for use, some in (("training", drives), ("validation", validation)) for drive in some]
     return LIFT.format(
         parameters=parameters,

@@ -63,7 +63,7 @@ def test_training_starts_from_weights_and_the_card_names_no_folder(lidarlift: Co
     assert str(Path.cwd()) not in card
     other = lidarlift("train", "depth", "f2l", pack, "--start", weights, *SHORT)
     assert other.code == 1
-    assert "Error: first/l2l.safetensors: no weights of F2L" in other.err
+    assert "Error: first/l2l.safetensors: not the weights of F2L" in other.err
     both = ("--start", weights, "--resume", "--out", "second")
     lidarlift("train", "depth", "l2l", pack, *both, *SHORT).refused("leave out --start or --resume")
 
@@ -119,7 +119,7 @@ def test_errors_are_one_line(lidarlift: Command, seen: Path) -> None:
     lidarlift("train", "depth", "l2l", seen.parent).refused("several sequences", "the folder of each")
     large = lidarlift("train", "depth", "l2l", seen, "--crop", "200x64", "--pack", "street.npz")
     assert large.code == 1
-    assert large.err.endswith("images of 120x160 at scale 0.5; choose a --crop of no more than that\n")
+    assert large.err.endswith("images of 120x160 at scale 0.5; choose a --crop that is not larger\n")
     lidarlift("train", "depth", "l2l", "street.npz", "--scale", 1).refused("packed at scale 0.5", "--scale 0.5")
 
 
@@ -130,4 +130,4 @@ def test_a_missing_gpu_is_an_error(lidarlift: Command, seen: Path) -> None:
         pytest.skip("there is one")
     result = lidarlift("train", "depth", "l2l", seen, "--crop", "48x64", "--device", "gpu")
     assert result.code == 1
-    assert "Error: --device gpu: PyTorch finds none here" in result.err.splitlines()[-1]
+    assert "Error: --device gpu: PyTorch finds no such device" in result.err.splitlines()[-1]
