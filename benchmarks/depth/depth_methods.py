@@ -40,7 +40,7 @@ def main() -> None:
 
 
 def targets(reports: Mapping[str, Any]) -> Iterable[tuple[str, ...]]:
-    """What was aimed at, drive by drive: figure, limit, verdict."""
+    """Targets by drive: figure, limit, verdict."""
     for drive, report in reports.items():
         image, full = (
             {name: entry[view] for name, entry in without_about(report).items() if view in entry} for view in VIEWS
@@ -68,7 +68,7 @@ def _target(drive: str, name: str, value: float, limit: float) -> tuple[str, ...
 
 
 def networks(reports: Mapping[str, Any]) -> str:
-    """What there is to say of the paper's networks, if they ran."""
+    """A paragraph on the paper's networks, if they were measured."""
     ran = [name for name in NETWORK_METHODS if any(name in report for report in reports.values())]
     if not ran:
         return ""

@@ -1,4 +1,4 @@
-"""What the image adds to Lift: errors of networks that were trained with it and of others that never saw one."""
+"""Gain of Lift by the image: errors of networks that were trained with images and without."""
 
 from __future__ import annotations
 
@@ -61,8 +61,7 @@ def image_gain(
 
 
 def at_jump(held: HeldOut, sensor: Sensor) -> Array:
-    """(M,) bool: whether the returns above and below each ray, on the kept rings, are far apart and not both on the
-    road, where rings are far apart too."""
+    """Select the rays (M,) bool at depth jumps: returns above and below are far apart, and not both on the road."""
     upper, points = held.scan.rows_above(sensor)[held.ring], held.scan.points
     above, below = points[upper, held.column], points[upper + 1, held.column]
     xyz = held.scan.cloud.xyz

@@ -86,7 +86,7 @@ def forgetful(method: Method) -> Method:
 
 
 def compared(data: Dataset, folders: Mapping[str, Path], step: int) -> dict[str, Any]:
-    """depth.json of Lift, with and without the scans before, beside the classical methods."""
+    """Measure depth.json of Lift, with and without earlier scans, and of the classical methods."""
     weights, lift = lift_for(data.name, folders)
     methods = {**make_methods(CLASSICAL), LIFT: lift, SINGLE: forgetful(lift)}
     report = sequence_report(data, methods, slice(None, None, step)).as_dict()

@@ -198,7 +198,7 @@ def page(found: Mapping[str, Any]) -> str:
 
 
 def targets(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """What was aimed at, the worst figure of all runs of ours, the limit, and whether it is met."""
+    """Targets: name, worst figure of all runs of our back end, limit, and whether it is met."""
     ours = [row for row in found["rows"] if row["solver"] == "ours"]
     lost = max(row["true_lost"] / found["loops"][row["graph"]] for row in ours)
     off = max(row["error"] / EXTENTS[row["graph"]] for row in ours if row["graph"] in EXTENTS)

@@ -1,4 +1,4 @@
-"""What GTSAM offers by itself: Levenberg-Marquardt with Huber's kernel, and the optimum of a clean graph.
+"""Solvers of GTSAM for comparison: Levenberg-Marquardt with Huber's kernel, and the optimum of a clean graph.
 
 The only file of the benchmarks that imports gtsam.
 """

@@ -142,8 +142,12 @@ def _yaw_error(frames: Array, query: int, candidate: Candidate) -> float:
 
 
 def cost(clouds: Sequence[Array], settings: ScanContextSettings, counts: Sequence[int]) -> Figures:
-    """Among `counts` places, made of halves of the clouds: median time of a query and of an addition, and the
-    share of places visited again that the exhaustive search puts first, and that the preselected one does."""
+    """Measure scan context with `counts` places, composed of halves of the clouds.
+
+    Returns:
+        Median time of a query and of an insertion, and the recall of revisited places by the exhaustive search and by
+        the preselected one.
+    """
     places, result = ScanContext(settings), {}
     for count in counts:
         milliseconds = []
@@ -162,7 +166,7 @@ def cost(clouds: Sequence[Array], settings: ScanContextSettings, counts: Sequenc
 
 
 def _recall(places: ScanContext, clouds: Sequence[Array]) -> Figures:
-    """Of TIMED places, seen again from near by with half of their points: found first, by either search."""
+    """Share of TIMED places, revisited nearby with half of their points, that each search ranks first."""
     rng, found = np.random.default_rng(0), {"recall": 0.0, "recall_exhaustive": 0.0}
     end = float(len(places)) + places.settings.min_travelled_distance
     for place in rng.choice(len(places), TIMED, replace=False):
