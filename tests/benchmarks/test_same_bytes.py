@@ -84,7 +84,9 @@ def test_different_simulations_are_reported(version: Version, tmp_path: Path, mo
     assert "| the town's loop | 64 | same |" in page  # both ran over the first version's
 
 
-def test_a_failing_version_stops_the_comparison(version: Version, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_version_stops_the_comparison(
+    version: Version, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(SystemExit, match="exit code 1: Error: no such folder"):
         compare(monkeypatch, version("a"), version("b"), "--drive", tmp_path / "none", "--results", tmp_path)
 
