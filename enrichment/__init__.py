@@ -1,1 +1,1 @@
-"""A sparse scan made dense: virtual rays, their ranges and how sure they are."""
+"""Enrichment of sparse scans: predicted ranges on virtual rays, with their uncertainty."""

@@ -1,4 +1,4 @@
-"""Online calibration of sigma, on rings of the scan itself that are held out while driving."""
+"""Online calibration of sigma on held-out rings of the scan itself."""
 
 from __future__ import annotations
 
@@ -10,22 +10,25 @@ from enrichment.geometry.rays import Prediction, RayGrid
 from enrichment.geometry.sparse_scan import Method, SparseScan
 from slam.data.cloud import Array
 
-VALIDATE_EVERY = 5  # scans from one validation to the next
-HELD_OUT = 2  # rings a validation, none of them neighbours
-MEMORY = 10  # validations that the factor remembers
-WITHIN = 0.68  # share of the errors that sigma has to bound
-LEAST_RETURNS = 100  # a validation with fewer says nothing
-BOUNDS = (0.5, 2.0)  # of a validation's factor: a scene may be easier or harder, but not without limit
-#: Around a ring that is held out the gap is twice as wide as where predictions are used, and so are segments: sigma,
-#: which grows with them, is then less exceeded. Measured on five drives: by a factor of 1.05 to 1.35.
+VALIDATE_EVERY = 5  # scans between validations
+HELD_OUT = 2  # rings per validation, not adjacent
+MEMORY = 10  # validations that the factor averages over
+QUANTILE = 0.68  # share of the errors that sigma must bound
+MIN_RETURNS = 100  # a validation with fewer is ignored
+BOUNDS = (0.5, 2.0)  # limits of the factor of one validation
+#: The gap around a held-out ring is twice as wide as where predictions are used. Segments are longer too, and sigma,
+#: which grows with them, is exceeded less often: by a factor of 1.05 to 1.35 on five sequences.
 SINGLE_GAP = 1.2
 
 
 class Calibrated:
-    """A method whose sigma bounds 68 % of its errors on the present scene.
+    """A method whose sigma is scaled so that it bounds 68 % of the errors on the current scene.
 
-    Every fifth scan two of its own rings are held out and predicted from the others, in turn; sigma is multiplied by
-    what their errors ask for, in the geometric mean of the last validations.
+    In every fifth scan two rings, other ones each time, are held out and predicted from the rest. Sigma is multiplied
+    by the factor that their errors require, as a geometric mean over the last validations.
+
+    Args:
+        method: The method to calibrate.
     """
 
     def __init__(self, method: Method) -> None:
@@ -35,10 +38,11 @@ class Calibrated:
 
     @property
     def factor(self) -> float:
-        """What the method's own sigma is multiplied by."""
+        """Factor on the method's own sigma."""
         return SINGLE_GAP * float(np.exp(self._log_factor)) if self._validations else 1.0
 
     def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
+        """Predict ranges with calibrated sigma."""
         if self._scans % VALIDATE_EVERY == 0:
             self._validate(scan)
         self._scans += 1
@@ -52,15 +56,15 @@ class Calibrated:
         turn = self._scans // VALIDATE_EVERY
         held = inner[(turn + np.arange(HELD_OUT) * (len(inner) // HELD_OUT)) % len(inner)]
         ratio = relative_errors(self.method, scan, held)
-        if len(ratio) < LEAST_RETURNS:
+        if len(ratio) < MIN_RETURNS:
             return
         self._validations += 1
-        found = np.log(np.clip(np.quantile(ratio, WITHIN), *BOUNDS))
+        found = np.log(np.clip(np.quantile(ratio, QUANTILE), *BOUNDS))
         self._log_factor += (found - self._log_factor) / min(self._validations, MEMORY)
 
 
 def relative_errors(method: Method, scan: SparseScan, held: Array) -> Array:
-    """(M,) |error| / sigma of the trusted predictions at the returns of the rings `held`, made without them."""
+    """Compute |error| / sigma (M,) of the trusted predictions at the returns of the held-out rings `held`."""
     cloud = scan.cloud
     assert cloud.ring is not None
     rows = np.full(scan.lines.ring_count, -1)

@@ -1,4 +1,4 @@
-"""Which poses belong together, and the rigid motion that lays one trajectory over another."""
+"""Association of poses by stamp, and rigid alignment of one trajectory to another."""
 
 from __future__ import annotations
 
@@ -9,33 +9,34 @@ import numpy as np
 from slam.data import se3
 from slam.data.cloud import Array
 
-#: How an estimate is laid over its reference before positions are compared.
+#: How an estimate is aligned to its reference before positions are compared.
 Alignment = Literal["aligned", "origin", "unaligned"]
 
-#: Poses whose stamps differ by no more belong together [s]; evo's default.
+#: Largest difference between the stamps of associated poses [s]; evo's default.
 MAX_STAMP_DIFFERENCE = 0.01
 
 NOT_UNIQUE = (
-    "positions lie on one point or one line, so the SE(3) Umeyama alignment is not unique: "
-    "of the best ones the one that fits the orientations was taken"
+    "the positions lie on a point or a line, so the SE(3) Umeyama alignment is not unique: "
+    "the optimum that fits the orientations best was taken"
 )
 
 
 def as_evo(poses: Array) -> Any:
-    """Poses (N, 4, 4) as an evo path."""
+    """Convert poses (N, 4, 4) into an evo path."""
     from evo.core.trajectory import PosePath3D
 
     return PosePath3D(poses_se3=list(poses))
 
 
 def associate(stamps: Array, reference_stamps: Array) -> tuple[Array, Array]:
-    """Which poses belong together: those whose stamps agree within 0.01 s, as evo pairs them.
+    """Associate poses whose stamps agree within 0.01 s, as evo does.
 
-    Two trajectories of the same stamps, as of a run and its truth, belong together pose by pose, though stamps repeat.
+    Trajectories with identical stamps, such as a run and its ground truth, are associated pose by pose, even if stamps
+    repeat.
 
     Args:
-        stamps: Of the estimate's poses (N,) [s], rising.
-        reference_stamps: Of the reference's poses (M,) [s], rising, by the same clock.
+        stamps: Stamps of the estimate (N,) [s], increasing.
+        reference_stamps: Stamps of the reference (M,) [s], increasing, of the same clock.
 
     Returns:
         Indices (K,) into the estimate and (K,) into the reference.
@@ -56,7 +57,7 @@ def associate(stamps: Array, reference_stamps: Array) -> tuple[Array, Array]:
 
 
 def nearest_rotation(M: Array) -> Array:
-    """The rotation R (3, 3) that maximises trace(R^T M), M (3, 3) (Kabsch 1976; Umeyama 1991, lemma).
+    """Return the rotation R (3, 3) that maximises trace(R^T M), M (3, 3) (Kabsch 1976; Umeyama 1991, lemma).
 
     Example:
         >>> bool(np.allclose(nearest_rotation(np.diag([2.0, 3.0, 4.0])), np.eye(3)))
@@ -67,19 +68,19 @@ def nearest_rotation(M: Array) -> Array:
 
 
 def umeyama(estimate: Array, reference: Array) -> tuple[Array, bool]:
-    """The rigid motion T with the least sum |g_i - T p_i|^2 over the positions p of the estimate, g of the reference.
+    """Return the rigid motion T that minimises sum |g_i - T p_i|^2 over positions p (estimate) and g (reference).
 
     Definition: Umeyama, "Least-squares estimation of transformation parameters between two point patterns", PAMI 1991,
-    without scale, by evo. On a standing or exactly straight trajectory the covariance has rank 0 or 1 and evo refuses
-    (GeometryException): the residual is still well defined, the rotation is not. Then the same minimum is taken with
-    the orientations as a vanishing second term.
+    without scale, by evo. If the trajectory stands still or is exactly straight, the covariance has rank 0 or 1 and evo
+    raises a GeometryException: the residual is still well defined, the rotation is not. The rotation is then chosen by
+    the orientations, as a second term with a vanishing weight.
 
     Args:
         estimate: Poses (N, 4, 4) [m].
         reference: Poses (N, 4, 4) [m] of the same body at the same instants.
 
     Returns:
-        T (4, 4), which maps the estimate's world into the reference's, and whether it is unique.
+        T (4, 4), which maps the world frame of the estimate into that of the reference, and whether it is unique.
     """
     from evo.core.geometry import GeometryException, umeyama_alignment
 
@@ -98,16 +99,16 @@ def umeyama(estimate: Array, reference: Array) -> tuple[Array, bool]:
 
 
 def alignment_transform(estimate: Array, reference: Array, alignment: Alignment) -> tuple[Array, bool]:
-    """The rigid motion that lays an estimate over its reference.
+    """Return the rigid motion that aligns an estimate to its reference.
 
     Args:
         estimate: Poses (N, 4, 4) [m].
         reference: Poses (N, 4, 4) [m] of the same body at the same instants.
-        alignment: "aligned": SE(3) Umeyama over all positions, no scale; "origin": the first pose, position and
-            orientation, onto the reference's first pose; "unaligned": identity.
+        alignment: "aligned": SE(3) Umeyama over all positions, no scale; "origin": aligns the first pose, position and
+            orientation, with that of the reference; "unaligned": identity.
 
     Returns:
-        T (4, 4), to be put before each pose of the estimate, and whether it is unique.
+        T (4, 4), to be multiplied from the left to each pose of the estimate, and whether it is unique.
 
     Example:
         >>> start = np.eye(4)[None]; moved = start.copy(); moved[0, :3, 3] = [5, 6, 7]

@@ -1,4 +1,4 @@
-"""Runs over the same drive beside each other: accuracy, and what it took."""
+"""Comparison of runs on the same sequence: accuracy, map, run times."""
 
 from __future__ import annotations
 
@@ -17,44 +17,44 @@ from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.pose_files import read_poses
 
-DENSE = "64"  # the input that the others are held against
-#: What the figures of a comparison mean, to be printed beside them.
+DENSE = "64"  # the input that the others are compared with
+#: Definitions of the figures, printed with them.
 PROTOCOL = {
-    "ATE, RPE": "rmse by evo, loops closed: ATE after SE(3) Umeyama alignment without scale, RPE frame to frame",
+    "ATE, RPE": "rmse by evo, after loop closure: ATE after SE(3) Umeyama alignment without scale, RPE frame to frame",
     "drift": "KITTI devkit's odometry metric, no alignment",
     "to 64": "rmse of positions between the odometry and that on 64 channels, after SE(3) Umeyama alignment",
     "Table III": "the paper's: RPE of the translation over consecutive frames after SE(3) Umeyama alignment; its own "
     "figures are over 30 pairs: 16 channels max 0.784, mean 0.247, min 0.025, rmse 0.295, std 0.161 m; proposed 1.200, "
     "0.250, 0.024, 0.371, 0.274 m",
-    "points a scan": "median of what is handed to the odometry, before it is thinned",
-    "front end, odometry": "median milliseconds a frame: from the scan as read to the points handed over, and from "
-    "these to the pose",
+    "points per scan": "median of the points passed to the odometry, before downsampling",
+    "front end, odometry": "median milliseconds per frame: from the scan as read to the points passed to the odometry, "
+    "and from these to the pose",
 }
 
 
 @dataclass(frozen=True)
 class RunFigures:
-    """One run beside others; what needs ground truth is None without.
+    """Figures of one run in a comparison; those that need ground truth are None without it.
 
     Attributes:
-        ate_m: ATE of the trajectory with loops closed, SE(3) Umeyama-aligned, rmse [m].
+        ate_m: ATE of the trajectory after loop closure, SE(3) Umeyama-aligned, rmse [m].
         table_iii_m: The error in Table III of the paper [m].
         rpe_m: RPE of the translation over consecutive frames, rmse [m].
         rpe_deg: RPE of the rotation over consecutive frames, rmse [deg].
-        drift_percent: KITTI's translation drift [%], None too where no segment fits.
-        drift_deg_per_100m: KITTI's rotation drift [deg/100 m], None too where no segment fits.
-        drift_name: Which segments the drift is over.
+        drift_percent: KITTI's translation drift [%], also None if no segment fits.
+        drift_deg_per_100m: KITTI's rotation drift [deg/100 m], also None if no segment fits.
+        drift_name: Segments that the drift is averaged over.
         notes: Sentences to be printed with the figures.
-        path_m: Length of the path found [m].
-        frames: How many scans were read.
-        failed: How many of them could not be registered.
-        loops: How many loops were closed.
-        map_points: How many points the map has.
-        points_per_scan: Median of the points that are handed to the odometry.
-        front_end_ms: Median of the time from the scan as read to these points [ms].
-        odometry_ms: Median of the time from these points to the pose [ms].
-        to_64_m: Rmse of positions between this odometry and that on 64 channels, SE(3) Umeyama-aligned [m]; None of
-            the run on 64 channels itself, and where there is none.
+        path_m: Length of the estimated path [m].
+        frames: Number of scans that were read.
+        failed: Number of scans that could not be registered.
+        loops: Number of accepted loop closures.
+        map_points: Number of points of the map.
+        points_per_scan: Median number of points passed to the odometry.
+        front_end_ms: Median time from the scan as read to these points [ms].
+        odometry_ms: Median time from these points to the pose [ms].
+        to_64_m: Rmse of positions between this odometry and that on 64 channels, SE(3) Umeyama-aligned [m]; None for
+            the run on 64 channels itself, and without one.
     """
 
     ate_m: float | None
@@ -78,18 +78,18 @@ class RunFigures:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What compare.json holds.
+    """Content of compare.json.
 
     Attributes:
-        inputs: The figures of each run by the name of its input: "16", "enriched", "64".
-        protocol: What each figure means, to be printed beside it.
+        inputs: Figures of each run by the name of its input: "16", "enriched", "64".
+        protocol: Definition of each figure, to be printed with it.
     """
 
     inputs: Mapping[str, RunFigures]
     protocol: Mapping[str, str]
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the content for JSON."""
         return {
             "inputs": {name: asdict(figures) for name, figures in self.inputs.items()},
             "protocol": dict(self.protocol),
@@ -97,16 +97,16 @@ class Comparison:
 
 
 def compare_runs(folders: Mapping[str, Path]) -> Comparison:
-    """The figures of runs over the same drive beside each other.
+    """Compare runs on the same sequence.
 
     Args:
         folders: The run folder of each input ("16", "enriched", "64").
 
     Returns:
-        A row an input, in their order.
+        The figures of each input, in the order of `folders`.
 
     Raises:
-        InputError: A folder holds no whole run.
+        InputError: A folder does not hold a complete run.
     """
     inputs = {name: _figures(folder) for name, folder in folders.items()}
     if DENSE in folders:
@@ -120,7 +120,7 @@ def compare_runs(folders: Mapping[str, Path]) -> Comparison:
 
 
 def _odometry(folder: Path) -> Array:
-    """Poses (N, 4, 4) before loops."""
+    """Poses (N, 4, 4) before loop closure."""
     return read_poses(folder / "odometry_tum.txt", "xyzw")[1]
 
 
@@ -146,7 +146,7 @@ def _figures(folder: Path) -> RunFigures:
         )
     except (OSError, ValueError, TypeError, KeyError) as error:
         reason = f"{type(error).__name__}: {error}"
-        raise InputError(f"{folder}: no whole run to compare ({reason}); run it again") from error
+        raise InputError(f"{folder}: not a complete run ({reason}); run it again") from error
 
 
 def _accuracy(metrics: Metrics | None) -> dict[str, Any]:

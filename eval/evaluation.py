@@ -1,4 +1,4 @@
-"""An estimate against its reference: the figures of metrics.json, from poses, from files and from a run folder."""
+"""Evaluation of an estimate against its reference (metrics.json): from poses, from files, from a run folder."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from slam.data.quaternion_order import orders_by_odometry
 def evaluate_poses(
     estimate: Array, reference: Array, stamps: Array | None = None, reference_stamps: Array | None = None
 ) -> Metrics:
-    """All figures of one trajectory against its reference: ATE, RPE, KITTI's drift and the paper's Table III.
+    """Compute all figures of a trajectory against its reference: ATE, RPE, KITTI's drift, the paper's Table III.
 
-    With stamps of both, poses within 0.01 s of each other belong together and the rest is left out; else N = M.
+    With stamps of both, poses are associated within 0.01 s and the rest is left out; otherwise N = M.
 
     Args:
         estimate: Poses (N, 4, 4) [m].
         reference: Poses (M, 4, 4) [m] of the same body.
-        stamps: Of the estimate (N,) [s].
-        reference_stamps: Of the reference (M,) [s], by the same clock.
+        stamps: Stamps of the estimate (N,) [s].
+        reference_stamps: Stamps of the reference (M,) [s], of the same clock.
 
     Returns:
-        The figures, their protocol, and notes on what limits them.
+        The figures, their protocol, and notes on their limits.
 
     Raises:
-        InputError: Fewer than two poses belong together, or the lengths differ and there are no stamps.
+        InputError: Fewer than two poses are associated, or the lengths differ and there are no stamps.
 
     Example:
         >>> line = np.tile(np.eye(4), (31, 1, 1)); line[:, 0, 3] = range(31)
@@ -73,21 +73,21 @@ def evaluate_poses(
 
 
 def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -> Metrics:
-    """All figures of one trajectory file against another: what `lidarlift evaluate` prints.
+    """Evaluate a trajectory file against a reference file, as `lidarlift evaluate`.
 
-    Two TUM files are associated by their stamps; otherwise the numbers of poses must agree.
+    Two TUM files are associated by stamps; otherwise the numbers of poses must agree.
 
     Args:
-        estimate: A file of poses, KITTI's or TUM's format.
-        reference: The same.
-        calib: A calibration of KITTI's that brings a reference in camera-0 axes into the LiDAR frame, inv(Tr) P Tr.
+        estimate: A file of poses in KITTI or TUM format.
+        reference: A file of poses in KITTI or TUM format.
+        calib: A KITTI calibration that transforms a reference in camera-0 axes into the LiDAR frame, inv(Tr) P Tr.
 
     Returns:
-        What `evaluate_poses` returns; its protocol says how the poses were paired, and in which frame. Where the
-        estimate tells that the reference's quaternions have w first, not last, they are read so, and a note says it.
+        The figures of `evaluate_poses`; the protocol adds the association and the body frames. If the estimate shows
+        that the reference's quaternions have w first, they are read that way, and a note says so.
 
     Raises:
-        InputError: A file cannot be read, the two cannot be paired, or their frames of reference do not fit (see
+        InputError: A file cannot be read, the poses cannot be associated, or the body frames differ (see
             `require_same_frame`).
     """
     stamps, e = read_poses(estimate)
@@ -100,14 +100,14 @@ def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -
         protocol["association"] = f"by time stamp, at most {MAX_STAMP_DIFFERENCE} s apart"
     elif len(e) != len(g):
         raise InputError(
-            f"{estimate} has {len(e)} poses, {reference} {len(g)}: files without stamps in both must be equally long; "
-            "cut one to the frames of the other, or give both in TUM's format (stamp tx ty tz qx qy qz qw)"
+            f"{estimate} has {len(e)} poses, {reference} {len(g)}: without stamps in both, the numbers must be equal; "
+            "cut one to the frames of the other, or give both in TUM format (stamp tx ty tz qx qy qz qw)"
         )
     found = None
     if calib is not None and T_camera0_lidar is not None:
         found = body_frame(g)
         g = into_lidar_frame(g, T_camera0_lidar)
-        protocol["reference"] = f"brought from camera-0 axes into the LiDAR frame by {calib.name}"
+        protocol["reference"] = f"transformed from camera-0 axes into the LiDAR frame by {calib.name}"
     require_same_frame(e, g, (str(estimate), str(reference)), found)
     protocol["frame"] = f"estimate: {_axes(e)}; reference: {_axes(g)}"
     try:
@@ -122,17 +122,17 @@ def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -
 
 
 def evaluate_run(folder: Path) -> RunMetrics | None:
-    """All figures of a run, written to metrics.json in its folder.
+    """Evaluate a run and write metrics.json into its folder.
 
     Args:
-        folder: With trajectory_tum.txt, odometry_tum.txt and ground_truth_tum.txt (LiDAR frame; it may cover only some
-            frames), associated by stamp.
+        folder: A run folder with trajectory_tum.txt, odometry_tum.txt and ground_truth_tum.txt (LiDAR frame, possibly
+            of some frames only), associated by stamp.
 
     Returns:
-        The figures; None without ground truth, and no file.
+        The figures; None without ground truth, and no file is written.
 
     Raises:
-        InputError: One of the two trajectories is missing, or no stamps agree.
+        InputError: A trajectory is missing, or no stamps agree.
     """
     truth_file = folder / "ground_truth_tum.txt"
     if not truth_file.is_file():
@@ -147,10 +147,10 @@ def evaluate_run(folder: Path) -> RunMetrics | None:
             raise InputError(f"{file} against {truth_file.name}: {error}") from error
         notes = metrics.notes
         if "camera" in (body_frame(poses), body_frame(truth)):
-            notes += ("a trajectory moves along z: these do not look like poses of a LiDAR",)
+            notes += ("a trajectory moves along z: its poses are probably not those of a LiDAR",)
         protocol = {
             "association": f"by time stamp, at most {MAX_STAMP_DIFFERENCE} s apart",
-            "frame": "LiDAR poses, ground truth brought into the LiDAR frame",
+            "frame": "LiDAR poses, ground truth transformed into the LiDAR frame",
         }
         return replace(metrics, notes=notes, protocol={**metrics.protocol, **protocol})
 
@@ -162,48 +162,49 @@ def evaluate_run(folder: Path) -> RunMetrics | None:
 def pair_up(
     estimate: Array, reference: Array, stamps: Array | None = None, reference_stamps: Array | None = None
 ) -> tuple[Array, Array]:
-    """The poses of an estimate and its reference that belong together.
+    """Return the associated poses of an estimate and its reference.
 
     Args:
         estimate: Poses (N, 4, 4).
         reference: Poses (M, 4, 4).
-        stamps: Of the estimate (N,) [s], if known.
-        reference_stamps: Of the reference (M,) [s], if known. With both, poses within 0.01 s belong together.
+        stamps: Stamps of the estimate (N,) [s], or None.
+        reference_stamps: Stamps of the reference (M,) [s], or None. With both, poses are associated within 0.01 s.
 
     Returns:
         Poses (K, 4, 4) of the estimate and (K, 4, 4) of the reference, K >= 2.
 
     Raises:
-        InputError: Fewer than two belong together, or N and M differ without stamps.
+        InputError: Fewer than two poses are associated, or N and M differ without stamps.
     """
     if stamps is not None and reference_stamps is not None:
         ours, theirs = associate(stamps, reference_stamps)
         if len(ours) < 2:
             raise InputError(
-                f"{len(ours)} pairs of poses within {MAX_STAMP_DIFFERENCE} s: the estimate's stamps are "
-                f"{stamps[0]:.3f} to {stamps[-1]:.3f} s, the reference's {reference_stamps[0]:.3f} to "
-                f"{reference_stamps[-1]:.3f} s; both must come from the same clock and share at least two instants"
+                f"{len(ours)} pairs of poses within {MAX_STAMP_DIFFERENCE} s: the stamps of the estimate are "
+                f"{stamps[0]:.3f} to {stamps[-1]:.3f} s, of the reference {reference_stamps[0]:.3f} to "
+                f"{reference_stamps[-1]:.3f} s; both need the same clock and at least two common instants"
             )
         return estimate[ours], reference[theirs]
     if len(estimate) != len(reference):
-        raise InputError(f"{len(estimate)} poses against {len(reference)}, and no stamps to associate them by")
+        raise InputError(f"{len(estimate)} poses against {len(reference)}, without stamps to associate them")
     if len(estimate) < 2:
-        raise InputError("a single pose has no motion to evaluate; give at least two")
+        raise InputError("a single pose cannot be evaluated; give at least two")
     return estimate, reference
 
 
 def orthonormal(poses: Array) -> Array:
-    """Poses (N, 4, 4) with exact rotations; KITTI's files round them to seven digits, more than evo accepts."""
+    """Return poses (N, 4, 4) with orthonormal rotations; KITTI files round to seven digits, which evo rejects."""
     result = poses.copy()
     result[:, :3, :3] = Rotation.from_matrix(poses[:, :3, :3]).as_matrix()
     return result
 
 
 def finite(value: Any) -> Any:
-    """The same structure of dicts and lists with None in the place of what is not finite: JSON has no NaN.
+    """Replace non-finite numbers in dicts and lists by None, since JSON has no NaN.
 
-    >>> finite({"rmse": float("nan"), "lengths": (1, 2.5)})
-    {'rmse': None, 'lengths': [1, 2.5]}
+    Example:
+        >>> finite({"rmse": float("nan"), "lengths": (1, 2.5)})
+        {'rmse': None, 'lengths': [1, 2.5]}
     """
     if isinstance(value, dict):
         return {key: finite(entry) for key, entry in value.items()}
@@ -215,14 +216,14 @@ def finite(value: Any) -> Any:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Strict JSON, whole or not at all; what is not finite becomes null."""
+    """Write strict JSON atomically; non-finite numbers become null."""
     write_text(path, json.dumps(finite(content), indent=2, allow_nan=False) + "\n")
 
 
 def _read_stamped(path: Path) -> tuple[Array, Array]:
     stamps, poses = read_poses(path, "xyzw")  # as a run writes them
     if stamps is None:
-        raise InputError(f"{path}: has no stamps; TUM's format is expected (stamp tx ty tz qx qy qz qw)")
+        raise InputError(f"{path}: has no stamps; expected is the TUM format (stamp tx ty tz qx qy qz qw)")
     return stamps, poses
 
 

@@ -1,4 +1,4 @@
-"""KITTI's odometry metric: relative error over segments of the ground-truth path, written from its definition."""
+"""KITTI's odometry metric: relative error over segments of the ground-truth path."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from eval.trajectory import distances
 from slam.data import se3
 from slam.data.cloud import Array
 
-#: A segment starts at every 10th frame: at KITTI's ten frames a second, the devkit's step of one second.
+#: A segment starts at every 10th frame, as in the devkit: once per second at KITTI's 10 Hz.
 FRAMES_BETWEEN_STARTS = 10
 
-#: Length of the reference's path from which on a set of segment lengths is used [m], and that set [m]. KITTI's own
-#: from 200 m on (as many of them as fit); below, one short length, so that a drive gives several segments.
+#: Minimum length of the reference path for a set of segment lengths [m], and that set [m]. KITTI's own lengths from
+#: 200 m on (those that fit); below, one short length, so that a short sequence has several segments.
 LENGTHS = (
     (200.0, (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)),
     (60.0, (50.0,)),
     (12.0, (10.0,)),
 )
 
-#: A direction in which the segments spread less than this share of their main one does not count for the body rotation.
+#: The body rotation ignores directions whose singular value is below this share of the largest.
 OBSERVABLE = 0.01
 
 PROTOCOL = {
@@ -39,7 +39,7 @@ PROTOCOL = {
 
 @dataclass(frozen=True)
 class BodyRotationRemoved:
-    """The drift once more, without what a constant rotation between the two body frames explains.
+    """The drift after removing the best constant rotation between the two body frames.
 
     Attributes:
         translation_percent: Mean translation error [%].
@@ -57,13 +57,13 @@ class Drift:
     """KITTI's translation and rotation error.
 
     Attributes:
-        translation_percent: Mean translation error [%], None where no segment fits.
-        rotation_deg_per_100m: Mean rotation error [deg/100 m], None where no segment fits.
-        lengths_m: The lengths that at least one segment has [m].
-        segments: How many segments the means are over.
-        name: What was measured: "KITTI 100-800 m", or "short drive, 50 m".
-        body_rotation_removed: The same without a constant rotation of the body, None where no segment fits.
-        reason: Why no segment fits, None where some do.
+        translation_percent: Mean translation error [%], None if no segment fits.
+        rotation_deg_per_100m: Mean rotation error [deg/100 m], None if no segment fits.
+        lengths_m: Segment lengths used [m].
+        segments: Number of segments.
+        name: Name of the metric: "KITTI 100-800 m", or "short drive, 50 m".
+        body_rotation_removed: The drift without a constant body rotation, None if no segment fits.
+        reason: Why no segment fits, else None.
     """
 
     translation_percent: float | None
@@ -75,12 +75,17 @@ class Drift:
     reason: str | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the content for JSON."""
         return {**asdict(self), "lengths_m": list(self.lengths_m)}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Drift:
-        """What `as_dict` gave, as it was. Raises KeyError or TypeError where it is something else."""
+        """Restore the result of `as_dict`.
+
+        Raises:
+            KeyError: An entry is missing.
+            TypeError: An entry has another type.
+        """
         values = {field.name: content[field.name] for field in fields(cls)}
         removed = content["body_rotation_removed"]
         return cls(
@@ -93,14 +98,14 @@ class Drift:
 
 
 def kitti_drift(estimate: Array, reference: Array) -> Drift:
-    """The drift of an estimate against its reference by KITTI's odometry metric.
+    """Compute the drift of an estimate against its reference by KITTI's odometry metric.
 
-    Geiger, Lenz, Urtasun, CVPR 2012, as its odometry development kit computes it. For first frame i (every 10th) and
-    each length L, j is the first frame more than L metres of the reference's path after i, and
+    Geiger, Lenz, Urtasun, CVPR 2012, as in the odometry development kit. For every first frame i (every 10th) and each
+    length L, j is the first frame more than L metres after i along the reference path, and
 
         E = inv(inv(e_i) e_j) (inv(g_i) g_j),  translation error |trans(E)| / L,  rotation error angle(E) / L,
 
-    averaged over all segments. Nothing is aligned. `LENGTHS` gives the lengths: KITTI's 100-800 m as far as they fit
+    averaged over all segments, without alignment. `LENGTHS` defines the lengths: KITTI's 100-800 m as far as they fit
     on paths of 200 m or more, 50 m from 60 m on, 10 m from 12 m on; the result is named after them.
 
     Args:
@@ -108,7 +113,7 @@ def kitti_drift(estimate: Array, reference: Array) -> Drift:
         reference: Poses g (N, 4, 4) [m] of the same body at the same instants.
 
     Returns:
-        The means over all segments; without figures where the path is too short for any.
+        The means over all segments; None if the path is too short for any.
 
     Example:
         >>> line = np.tile(np.eye(4), (31, 1, 1)); line[:, 0, 3] = 1.01 * np.arange(31)
@@ -117,11 +122,11 @@ def kitti_drift(estimate: Array, reference: Array) -> Drift:
         >>> drift.name, drift.segments, round(drift.translation_percent, 2)
         ('short drive, 10 m', 3, 2.02)
     """
-    way = distances(reference)
-    lengths = next((lengths for least, lengths in LENGTHS if way[-1] >= least), ())
-    first, last, length = _segments(way, lengths)
+    travelled = distances(reference)
+    lengths = next((lengths for least, lengths in LENGTHS if travelled[-1] >= least), ())
+    first, last, length = _segments(travelled, lengths)
     if len(first) == 0:
-        reason = f"the reference's path of {way[-1]:.1f} m is shorter than {LENGTHS[-1][0]:g} m"
+        reason = f"the reference path of {travelled[-1]:.1f} m is shorter than {LENGTHS[-1][0]:g} m"
         return Drift(None, None, (), 0, "no segment fits", None, reason)
     delta_e = se3.inverse(estimate[first]) @ estimate[last]
     delta_g = se3.inverse(reference[first]) @ reference[last]
@@ -130,13 +135,13 @@ def kitti_drift(estimate: Array, reference: Array) -> Drift:
     return Drift(translation, rotation, used, len(first), _name(used), _without_rotation(delta_e, delta_g, length))
 
 
-def _segments(way: Array, lengths: tuple[float, ...]) -> tuple[Array, Array, Array]:
-    """First frame, last frame and length [m] of each segment; the devkit's "first frame farther than", strictly."""
-    starts = np.arange(0, len(way), FRAMES_BETWEEN_STARTS)
+def _segments(travelled: Array, lengths: tuple[float, ...]) -> tuple[Array, Array, Array]:
+    """First frame, last frame and length [m] of each segment; as in the devkit, the last is strictly farther."""
+    starts = np.arange(0, len(travelled), FRAMES_BETWEEN_STARTS)
     first = np.tile(starts, len(lengths))
     length = np.repeat(np.array(lengths), len(starts))
-    last = np.searchsorted(way, way[first] + length, side="right")
-    fits = last < len(way)
+    last = np.searchsorted(travelled, travelled[first] + length, side="right")
+    fits = last < len(travelled)
     return first[fits], last[fits], length[fits]
 
 
@@ -163,10 +168,10 @@ def _without_rotation(delta_e: Array, delta_g: Array, length: Array) -> BodyRota
 
 
 def best_rotation(a: Array, b: Array) -> Array:
-    """The rotation X (3, 3) that minimises sum |X a_k - b_k|^2 over vectors a, b (K, 3).
+    """Return the rotation X (3, 3) that minimises sum |X a_k - b_k|^2 over vectors a, b (K, 3).
 
-    What the vectors do not show stays unrotated: on a straight drive the roll about the direction of travel is noise,
-    so singular values under `OBSERVABLE` of the largest are dropped and the smallest such rotation is taken.
+    Unobservable components are not rotated: on a straight path the roll about the direction of travel is noise, so
+    singular values below `OBSERVABLE` of the largest are dropped and the smallest optimal rotation is returned.
     """
     U, values, Vt = np.linalg.svd(b.T @ a)
     values = np.where(values < OBSERVABLE * values[0], 0.0, values)

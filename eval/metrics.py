@@ -1,4 +1,4 @@
-"""The figures of a trajectory against its reference: what metrics.json holds."""
+"""Figures of a trajectory against its reference, the content of metrics.json."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class AbsoluteErrors:
 
     Attributes:
         aligned: After SE(3) Umeyama alignment over all positions, without scale.
-        origin: With the first pose laid onto the reference's first pose.
-        unaligned: As the poses stand.
+        origin: With the first pose aligned to the first pose of the reference.
+        unaligned: Without alignment.
     """
 
     aligned: Statistics
@@ -27,11 +27,11 @@ class AbsoluteErrors:
 
 @dataclass(frozen=True)
 class RelativeErrors:
-    """The relative pose error (RPE) over consecutive frames; no alignment changes it.
+    """The relative pose error (RPE) over consecutive frames; it does not depend on the alignment.
 
     Attributes:
-        frame: Of the translation [m].
-        frame_rotation: Angle of the rotation [deg].
+        frame: Error of the translation [m].
+        frame_rotation: Angle of the rotation error [deg].
     """
 
     frame: Statistics
@@ -43,15 +43,15 @@ class Metrics:
     """All figures of one trajectory against its reference.
 
     Attributes:
-        frames: How many poses were compared.
-        path_length_m: Length of the estimate's path over these frames [m].
-        reference_path_length_m: The same of the reference [m].
+        frames: Number of poses that were compared.
+        path_length_m: Path length of the estimate over these frames [m].
+        reference_path_length_m: Path length of the reference [m].
         ate: Absolute trajectory error [m].
         rpe: Relative pose error over consecutive frames [m, deg].
         drift: KITTI's odometry metric.
         paper_table_iii: The error in Table III of the paper [m], see `eval.trajectory.paper_table_iii`.
         notes: Sentences to be printed with the figures.
-        protocol: What each figure means, to be printed beside it.
+        protocol: Definition of each figure, to be printed with it.
     """
 
     frames: int
@@ -65,7 +65,7 @@ class Metrics:
     protocol: Mapping[str, str] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: one entry of metrics.json, where the protocol stands once, beside the entries."""
+        """Return one entry of metrics.json; the protocol is written once for all entries."""
         return {
             "frames": self.frames,
             "path_length_m": self.path_length_m,
@@ -79,7 +79,12 @@ class Metrics:
 
     @classmethod
     def from_dict(cls, entry: Mapping[str, Any], protocol: Mapping[str, str]) -> Metrics:
-        """What `as_dict` gave, as it was. Raises KeyError or TypeError where it is something else."""
+        """Restore the result of `as_dict`.
+
+        Raises:
+            KeyError: An entry is missing.
+            TypeError: An entry has another type.
+        """
         ate, rpe = entry["ate"], entry["rpe"]
         return cls(
             frames=entry["frames"],
@@ -96,23 +101,28 @@ class Metrics:
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """What metrics.json of a run folder holds.
+    """Content of metrics.json in a run folder.
 
     Attributes:
-        slam: Of the trajectory with loops closed.
-        odometry: Of the trajectory before loops; the same where none was closed.
+        slam: Figures of the trajectory after loop closure.
+        odometry: Figures of the trajectory before loop closure; the same if no loop was closed.
     """
 
     slam: Metrics
     odometry: Metrics
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: "slam", "odometry" and "protocol"."""
+        """Return the content for JSON: "slam", "odometry" and "protocol"."""
         entries = {"slam": self.slam.as_dict(), "odometry": self.odometry.as_dict()}
         return {**entries, "protocol": dict(self.slam.protocol)}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> RunMetrics:
-        """What `as_dict` gave, as it was. Raises KeyError or TypeError where it is something else."""
+        """Restore the result of `as_dict`.
+
+        Raises:
+            KeyError: An entry is missing.
+            TypeError: An entry has another type.
+        """
         slam, odometry = (Metrics.from_dict(content[name], content["protocol"]) for name in ("slam", "odometry"))
         return cls(slam, odometry)

@@ -1,4 +1,4 @@
-"""The picture of a trajectory: from above, over ground truth, with the error along the way."""
+"""Plot of a trajectory from above with its ground truth, and of the position error over the travelled distance."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from slam.data.pose_files import read_poses
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Ground truth is a broad band under the line.
+#: Ground truth is drawn as a broad band under the estimate.
 ESTIMATE, TRUTH, ERROR = BLUE, GREY, VERMILION
 
-#: Figure [inches]: width, height of the error panel with its labels, what title and axis labels take of the map.
+#: Sizes [inches]: width of the figure, height of the error panel with labels, height of the map's title and labels.
 WIDTH, ERROR_HEIGHT, MAP_FRAME = 8.0, 1.9, 1.3
 
-#: The map's height is this share of its width at least and at most, and its width at least so many metres [m].
+#: Limits of the map: minimum and maximum ratio of height to width, and minimum width [m].
 MIN_ASPECT, MAX_ASPECT, MIN_SPAN = 0.3, 0.95, 4.0
 
 
@@ -36,21 +36,21 @@ def plot_trajectory(
     stamps: Array | None = None,
     reference_stamps: Array | None = None,
 ) -> None:
-    """Draw a trajectory from above over its reference, and the position error over the way.
+    """Draw a trajectory from above with its reference, and the position error over the travelled distance.
 
-    The estimate is laid over the reference by SE(3) Umeyama. Without a reference only the estimate is drawn, as it
-    stands. Camera-0 trajectories are drawn in x and z, others in x and y.
+    The estimate is aligned by SE(3) Umeyama. Without a reference it is drawn alone and unaligned. Camera-0 trajectories
+    are drawn in x and z, others in x and y.
 
     Args:
-        path_png: The file to write; it appears under its name only when whole.
+        path_png: The file to write, atomically.
         estimate: Poses (N, 4, 4) [m].
         reference: Poses (M, 4, 4) [m] of the same body, or None.
-        title: Above the picture.
-        stamps: Of the estimate (N,) [s].
-        reference_stamps: Of the reference (M,) [s]. With both, poses are paired as in `evaluate_poses`.
+        title: Title of the figure.
+        stamps: Stamps of the estimate (N,) [s].
+        reference_stamps: Stamps of the reference (M,) [s]. With both, poses are associated as in `evaluate_poses`.
 
     Raises:
-        InputError: The two cannot be paired.
+        InputError: The poses cannot be associated.
     """
     from matplotlib.figure import Figure
 
@@ -83,17 +83,17 @@ def plot_trajectory(
 
 
 def plot_run(folder: Path, title: str | None = None) -> Path:
-    """Draw a run's trajectory, over ground truth where there is some, into trajectory.png of its folder.
+    """Draw the trajectory of a run, with its ground truth if there is any, into trajectory.png in its folder.
 
     Args:
-        folder: With trajectory_tum.txt, and ground_truth_tum.txt where there is ground truth.
-        title: Above the picture; by default the folder's name.
+        folder: A run folder with trajectory_tum.txt, and ground_truth_tum.txt if there is ground truth.
+        title: Title of the figure; by default the folder's name.
 
     Returns:
-        The file.
+        The path of the figure.
 
     Raises:
-        InputError: A file cannot be read, or the two trajectories cannot be paired.
+        InputError: A file cannot be read, or the poses cannot be associated.
     """
     stamps, estimate = read_poses(folder / "trajectory_tum.txt", "xyzw")
     truth_file = folder / "ground_truth_tum.txt"
@@ -104,7 +104,7 @@ def plot_run(folder: Path, title: str | None = None) -> Path:
 
 
 def _window(xy: Array) -> tuple[Array, Array]:
-    """Centre (2,) and extent (2,) [m] of a map around points (N, 2): a margin, no sliver, never of size zero."""
+    """Centre (2,) and extent (2,) [m] of a map around points (N, 2), with a margin and within the aspect limits."""
     low, high = xy.min(axis=0), xy.max(axis=0)
     width, height = 1.12 * (high - low)
     width = max(width, height / MAX_ASPECT, MIN_SPAN)
@@ -128,10 +128,10 @@ def _draw_map(axes: Axes, estimate: Array, reference: Array | None, error: Array
     tidy(axes)
 
 
-def _draw_error(axes: Axes, way: Array, error: Array) -> None:
-    """Over the way driven, or over the frames where the vehicle stood; in centimetres where that reads better."""
-    stood = way[-1] < MIN_SPAN
-    along, label = (np.arange(len(way)), "frame") if stood else (way, "distance driven [m]")
+def _draw_error(axes: Axes, travelled: Array, error: Array) -> None:
+    """Error over the travelled distance, or over the frames of a standing vehicle; in centimetres below a metre."""
+    stood = travelled[-1] < MIN_SPAN
+    along, label = (np.arange(len(travelled)), "frame") if stood else (travelled, "travelled distance [m]")
     factor, unit = (1.0, "m") if error.max() >= 1 else (100.0, "cm")
     axes.fill_between(along, factor * error, color=ERROR, alpha=0.15, linewidth=0)
     axes.plot(along, factor * error, color=ERROR, linewidth=1.5)

@@ -1,4 +1,4 @@
-"""Figures as text for the terminal, each with its protocol."""
+"""Tables of figures for the terminal, each with its protocol."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ COMPARISON_COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("failed", "failed", "d"),
     ("loops", "loops", "d"),
     ("map\npoints", "map_points", ",d"),
-    ("points\na scan", "points_per_scan", ",d"),
+    ("points\nper scan", "points_per_scan", ",d"),
     ("front end\n[ms]", "front_end_ms", ".1f"),
     ("odometry\n[ms]", "odometry_ms", ".1f"),
 )
 
 
 def format_metrics(evaluations: Mapping[str, Metrics]) -> str:
-    """The errors and the drift of trajectories as plain text without colour, as wide as it needs to be, never cut.
+    """Format the errors and the drift of trajectories as plain text, without a limit of the width.
 
     Args:
-        evaluations: The figures by name ("slam", "16", a file); all have the same protocol.
+        evaluations: The metrics by name ("slam", "16", a file); all have the same protocol.
 
     Returns:
-        Two tables, the notes, and the protocol line by line.
+        Two tables, the notes, and the protocol.
     """
     notes = [f"{name}: {note}" for name, metrics in evaluations.items() for note in metrics.notes]
     drifts = [(name, metrics.drift) for name, metrics in evaluations.items()]
@@ -61,13 +61,13 @@ def format_metrics(evaluations: Mapping[str, Metrics]) -> str:
 
 
 def format_comparison(comparison: Comparison) -> str:
-    """A table with a row an input, the paper's Table III where there is ground truth, notes and protocol."""
+    """Format a table with one row per input, the paper's Table III if there is ground truth, notes and protocol."""
     tables = [text_table(header, rows) for header, rows in _compared(comparison)]
     return _with_notes(tables, _notes(comparison), comparison.protocol)
 
 
 def comparison_markdown(comparison: Comparison, title: str) -> str:
-    """What `format_comparison` has, in Markdown for compare.md."""
+    """Format the content of `format_comparison` in Markdown, for compare.md."""
     lines = [f"# {title}", ""]
     for header, rows in _compared(comparison):
         titles = [" ".join(column.split()) for column in header]
@@ -115,14 +115,14 @@ def _errors(evaluations: Mapping[str, Metrics]) -> Table:
 
 
 def _drift(evaluations: Mapping[str, Metrics]) -> Table:
-    units = "translation [%]", "rotation [deg/100 m]", "path [m]", "reference's path [m]"
+    units = "translation [%]", "rotation [deg/100 m]", "path [m]", "reference path [m]"
     table = new_table("Drift, KITTI metric, no alignment", "of", "segments", *units, left=2)
     for name, metrics in evaluations.items():
         drift = metrics.drift
         path = number(metrics.path_length_m, 1), number(metrics.reference_path_length_m, 1)
         table.add_row(drift.name, name, str(drift.segments), *_rates(drift), *path)
         if removed := drift.body_rotation_removed:
-            title = f"  less the best body rotation, {number(removed.rotation_deg, 2)} deg"
+            title = f"  without the best body rotation, {number(removed.rotation_deg, 2)} deg"
             table.add_row(title, name, str(drift.segments), *_rates(removed))
     return table
 

@@ -1,4 +1,4 @@
-"""Tables and paragraphs as plain text."""
+"""Formatting of tables and paragraphs as plain text."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ if TYPE_CHECKING:
 
 
 def number(value: float | None, decimals: int, factor: float = 1) -> str:
-    """`factor` times the value with fixed decimals, a dash for what could not be computed: None, or not finite.
+    """Format `factor` times the value with fixed decimals, or a dash for None and non-finite values.
 
-    >>> number(0.1234, 1, factor=100), number(None, 1)
-    ('12.3', '-')
+    Example:
+        >>> number(0.1234, 1, factor=100), number(None, 1)
+        ('12.3', '-')
     """
     return "-" if value is None or not isfinite(value) else f"{factor * value:.{decimals}f}"
 
 
 def text_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Plain text, as wide as it needs to be; the first column is flushed left, the others right."""
+    """Format a table without a limit of the width, the first column flush left, the others flush right."""
     table = new_table(*titles, left=1)
     for row in rows:
         table.add_row(*row)
@@ -30,12 +31,12 @@ def text_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def protocol_text(protocol: Mapping[str, str]) -> str:
-    """What figures mean, a paragraph each."""
+    """Format the definitions of figures, one paragraph each."""
     return "Protocol\n" + paragraphs([f"{name}: {text}" for name, text in protocol.items()])
 
 
 def new_table(*columns: str, left: int) -> Table:
-    """Without lines but that under the header; the first `left` columns flush left, the others right."""
+    """Return an empty table with a line under the header; the first `left` columns flush left, the others right."""
     from rich import box
     from rich.table import Table
 
@@ -46,12 +47,12 @@ def new_table(*columns: str, left: int) -> Table:
 
 
 def paragraphs(texts: Sequence[str]) -> str:
-    """Each folded at 118 characters and indented."""
+    """Wrap texts at 118 characters, with indentation."""
     return "".join(fill(text, 118, initial_indent="  ", subsequent_indent="    ") + "\n" for text in texts)
 
 
 def rendered(table: Table) -> str:
-    """As plain text without colour, as wide as it needs to be, never cut."""
+    """Render a table as plain text, without colour and without a limit of the width."""
     from rich.console import Console
 
     text = StringIO()

@@ -1,4 +1,4 @@
-"""ATE and RPE of a trajectory through evo, and its path length."""
+"""ATE and RPE of a trajectory by evo, and its path length."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 from eval.alignment import Alignment, alignment_transform, as_evo
 from slam.data.cloud import Array
 
-#: What each figure of this file means, to be printed beside it.
+#: Definition of each figure of this file, printed with it.
 PROTOCOL = {
     "ate": "evo APE, translation part, metres, no scale; aligned = SE(3) Umeyama over all positions, "
-    "origin = first pose onto first pose, unaligned = as the files stand",
+    "origin = first pose aligned to first pose, unaligned = without alignment",
     "rpe": "evo RPE over consecutive frames (delta 1 frame): frame = translation part in metres, "
     "frame_rotation = angle in degrees; alignment does not change it",
     "paper_table_iii": "Table III of the paper: RPE of the translation over consecutive frames (delta 1 frame) "
@@ -27,13 +27,13 @@ class Statistics:
     """evo's seven statistics of an error over the frames, in the error's unit.
 
     Attributes:
-        rmse: Root of the mean square.
+        rmse: Root mean square error.
         mean: Arithmetic mean.
         median: Median.
-        std: Standard deviation of the population.
-        min: Smallest.
-        max: Largest.
-        sse: Sum of squares, in the unit's square.
+        std: Population standard deviation.
+        min: Minimum.
+        max: Maximum.
+        sse: Sum of squared errors, in the unit's square.
     """
 
     rmse: float
@@ -46,16 +46,20 @@ class Statistics:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, float]) -> Statistics:
-        """From evo's names and values. Raises KeyError where one is missing."""
+        """Build the statistics from evo's names and values.
+
+        Raises:
+            KeyError: One is missing.
+        """
         return cls(*(values[name] for name in STATISTICS))
 
 
-#: The names of the seven, in evo's order.
+#: The names of the seven statistics, in evo's order.
 STATISTICS = tuple(field.name for field in fields(Statistics))
 
 
 def ate(estimate: Array, reference: Array, alignment: Alignment = "aligned") -> Statistics:
-    """Absolute trajectory error: |T p_i - g_i| over the positions p of the estimate and g of the reference.
+    """Compute the absolute trajectory error |T p_i - g_i| over positions p of the estimate, g of the reference.
 
     Definition: Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems", IROS 2012 (there: rmse, aligned),
     by evo's APE of the translation part.
@@ -63,7 +67,7 @@ def ate(estimate: Array, reference: Array, alignment: Alignment = "aligned") -> 
     Args:
         estimate: Poses (N, 4, 4) [m].
         reference: Poses (N, 4, 4) [m] of the same body at the same instants.
-        alignment: What T is, see `alignment_transform`.
+        alignment: The alignment T, see `alignment_transform`.
 
     Returns:
         The statistics [m] of the N errors.
@@ -83,10 +87,10 @@ def ate(estimate: Array, reference: Array, alignment: Alignment = "aligned") -> 
 
 
 def rpe_translation(estimate: Array, reference: Array) -> Statistics:
-    """Relative pose error of the translation over consecutive frames: |trans(inv(inv(g_i) g_i+1) inv(e_i) e_i+1)|.
+    """Compute the translational RPE over consecutive frames: |trans(inv(inv(g_i) g_i+1) inv(e_i) e_i+1)|.
 
-    Definition: Sturm et al., IROS 2012, eq. 1-2 with delta = 1 frame, by evo's RPE of the translation part. A rigid
-    motion of the whole estimate does not change it.
+    Definition: Sturm et al., IROS 2012, eq. 1-2 with delta = 1 frame, by evo's RPE of the translation part. It is
+    invariant to a rigid motion of the whole estimate.
 
     Args:
         estimate: Poses e (N, 4, 4) [m], N >= 2.
@@ -107,7 +111,7 @@ def rpe_translation(estimate: Array, reference: Array) -> Statistics:
 
 
 def rpe_rotation(estimate: Array, reference: Array) -> Statistics:
-    """Relative pose error of the rotation over consecutive frames: the angle of `rpe_translation`'s error.
+    """Compute the rotational RPE over consecutive frames: the rotation angle of the error of `rpe_translation`.
 
     Args:
         estimate: Poses (N, 4, 4), N >= 2.
@@ -122,10 +126,10 @@ def rpe_rotation(estimate: Array, reference: Array) -> Statistics:
 
 
 def paper_table_iii(estimate: Array, reference: Array) -> Statistics:
-    """The error in Table III of the paper: RPE of the translation, delta 1 frame, after SE(3) Umeyama alignment.
+    """Compute the error of the paper's Table III: translational RPE, delta 1 frame, after SE(3) Umeyama alignment.
 
-    The authors' published log shows that this, not the ATE, is what the table prints (there over 30 pairs). As an RPE
-    it equals `rpe_translation`; the alignment is done all the same, since it is part of the definition.
+    The authors' published log shows that the table prints this error (over 30 pairs) and not the ATE. As an RPE it
+    equals `rpe_translation`; the alignment is kept because it is part of the definition.
 
     Args:
         estimate: Poses (N, 4, 4) [m], N >= 2.
@@ -139,12 +143,12 @@ def paper_table_iii(estimate: Array, reference: Array) -> Statistics:
 
 
 def distances(poses: Array) -> Array:
-    """Way from the first pose to each [m]: (N, 4, 4) -> (N,), the polygon through the positions."""
+    """Return the travelled distance (N,) [m] from the first to each of the poses (N, 4, 4), along straight segments."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))])
 
 
 def path_length(poses: Array) -> float:
-    """Length of the polygon through the positions of (N, 4, 4) [m]."""
+    """Return the travelled distance [m] over the poses (N, 4, 4), along straight segments."""
     return float(distances(poses)[-1])
 
 

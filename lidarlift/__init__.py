@@ -1,9 +1,9 @@
-"""LiDAR-camera SLAM for people with a cheap LiDAR: enrichment, odometry, loop closure, one map, an honest comparison.
+"""LiDAR-camera SLAM for low-cost LiDARs: enrichment, odometry, loop closure, a global map and a fair comparison.
 
 Example:
     >>> import lidarlift
     >>> run = lidarlift.run("my_drive", sensor="vlp16", input="enriched", enricher="ray-segment", out="runs/mine")
-    >>> run.poses, run.map  # (N, 4, 4) T_world_lidar, loops closed, and the global map
+    >>> run.poses, run.map  # (N, 4, 4) T_world_lidar after loop closure, and the global map
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     __version__: str
 
-#: Where each name lives; it is imported when it is first used, so that `import lidarlift` takes no time.
+#: The module of each public name; it is imported on first use, so that `import lidarlift` is fast.
 _PLACES = {
     "Calibration": "slam.data.cloud",
     "InputError": "slam.data.errors",

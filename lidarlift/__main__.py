@@ -1,4 +1,4 @@
-"""`python -m lidarlift` is `lidarlift`."""
+"""Run the command `lidarlift` as `python -m lidarlift`."""
 
 from lidarlift.cli import main
 

@@ -1,4 +1,4 @@
-"""One drive at 16 channels, enriched and at 64, beside each other."""
+"""Comparison of one sequence at 16 channels, enriched and at 64 channels."""
 
 from __future__ import annotations
 
@@ -34,36 +34,39 @@ def compare(
     strict: bool = False,
     reporter: Reporter | None = None,
 ) -> Comparison:
-    """Run SLAM over a data set with 16 channels, with these enriched, and with 64, and compare.
+    """Run SLAM on a data set with 16 channels, with these enriched, and with 64, and compare the results.
 
-    Beside another enricher ray-segment, which learned nothing, has a row of its own.
+    If the enricher is not ray-segment, ray-segment gets a row as well: it needs no training.
 
     Args:
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
         out: The folder for a run folder each, compare.json and compare.md.
-        sequence: Which sequence or drive, where the folder has several.
-        sensor: The LiDAR's name or a YAML file with its beams, where the folder does not say.
-        enricher: The method of enrichment; by default the settings'.
+        sequence: Name of the sequence, if the folder has several.
+        sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
+        enricher: The enrichment method; by default that of the settings.
         config: A preset's name or a YAML file.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
-        frames: Positions in the data set, as in a list's slice.
-        strict: Stop at the first damage in the data instead of going on.
-        reporter: Where progress and notes go.
+        frames: Positions in the data set, as a slice of a list.
+        strict: Stop at the first problem in the data instead of skipping it.
+        reporter: Receives progress and notes.
 
     Returns:
-        The figures of each row: accuracy, loops, density, times.
+        The figures of each row: accuracy, loop closures, density, run times.
 
     Raises:
         InputError: As `lidarlift.run`.
-        ValueError: `sequence` or `sensor` is given for a data set that is open already.
+        ValueError: `sequence` or `sensor` is given for a data set that is already open.
     """
     data = opened(dataset, sequence, sensor)
-    rows = rows_for(inputs_of(data), enricher, config, overrides)
+    rows = rows_for(available_inputs(data), enricher, config, overrides)
     return compare_into(Path(out), data, rows, frames, reporter or Quiet(), strict=strict)
 
 
-def inputs_of(data: Dataset) -> Sequence[str]:
-    """The inputs that can be compared: a sensor of 16 rings or fewer has no 64, one of another number no 16."""
+def available_inputs(data: Dataset) -> Sequence[str]:
+    """Return the inputs that can be compared.
+
+    A sensor of 16 rings or fewer has no input 64; a sensor with another number of rings than 64 has no input 16.
+    """
     rings = 64 if data.sensor is None else data.sensor.ring_count
     sixteen, full = rings <= FEW_RINGS or rings == 64, rings > FEW_RINGS
     return [name for name, there in zip(INPUTS, (sixteen, True, full), strict=True) if there]
@@ -75,7 +78,7 @@ def rows_for(
     config: str | Path | None = None,
     overrides: Sequence[str] = (),
 ) -> dict[str, Config]:
-    """The settings of each row: the inputs, and ray-segment before another enricher.
+    """Return the settings of each row: one row per input, and ray-segment before any other enricher.
 
     Raises:
         InputError: As `load_config` and `with_runnable_enricher`.
@@ -100,10 +103,11 @@ def compare_into(
     strict: bool = False,
     on_row: Callable[[str], None] | None = None,
 ) -> Comparison:
-    """A run folder for each row, compare.json and compare.md beside them; `on_row` is called when a row is done.
+    """Write a run folder for each row, with compare.json and compare.md; call `on_row` when a row is done.
 
     Raises:
-        InputError: As `lidarlift.run`, and before any work where a folder cannot be written, or is the drive's own.
+        InputError: As `lidarlift.run`. A folder that cannot be written, or is the data set's own, is reported
+                before any work.
     """
     from eval.compare import compare_runs
     from eval.evaluation import write_json
@@ -119,10 +123,10 @@ def compare_into(
             on_row(row)
     comparison = compare_runs(folders)
     write_json(folder / "compare.json", comparison.as_dict())
-    write_text(folder / "compare.md", comparison_markdown(comparison, title_of(data, rows, frames, name)))
+    write_text(folder / "compare.md", comparison_markdown(comparison, comparison_title(data, rows, frames, name)))
     return comparison
 
 
-def title_of(data: Dataset, rows: Mapping[str, Config], frames: slice, name: str | None = None) -> str:
-    """Of a comparison: the drive, how many frames, and what enriches."""
+def comparison_title(data: Dataset, rows: Mapping[str, Config], frames: slice, name: str | None = None) -> str:
+    """Return the title of a comparison: the sequence, the number of frames, and the enricher."""
     return f"{name or data.name}, {len(range(len(data))[frames])} frames, {input_name(rows['enriched'])}"

@@ -1,4 +1,4 @@
-"""How well methods predict what a sparse scan does not show: on a drive, and on KITTI's depth maps."""
+"""Depth benchmark of enrichment methods: on held-out rings of a sequence, and on KITTI's depth maps."""
 
 from __future__ import annotations
 
@@ -18,64 +18,66 @@ if TYPE_CHECKING:
     from slam.data.cloud import Array
     from slam.data.dataset import Dataset
 
-#: Completes a sparse depth map (H, W) [m] with the help of the image (H, W, 3).
+#: Completes a sparse depth map (H, W) [m], guided by the image (H, W, 3).
 Completion = Callable[["Array", "Array"], "Array"]
 
 
 def frames_to_measure(data: Dataset, frames: slice = slice(None), phase: int = 0) -> range:
-    """The positions of the frames that `report_of_drive` measures.
+    """Return the positions of the frames that `sequence_report` measures.
 
     Args:
-        data: A drive.
-        frames: Which of its frames.
-        phase: The first ring that is kept.
+        data: A sequence.
+        frames: Slice of its frames.
+        phase: Index of the first ring that is kept.
 
     Raises:
-        InputError: Nobody knows which LiDAR it was, it keeps no such ring, or no frames are in that range.
+        InputError: The sensor model is unknown, no ring is kept from `phase` on, or the slice selects no frames.
     """
     from enrichment.geometry.held_out import ring_step
     from slam.data.dataset import chosen_positions
 
     if data.sensor is None:
-        raise InputError(f"{data.path}: nobody knows which LiDAR this was; name it: --sensor")
+        raise InputError(f"{data.path}: the sensor model is unknown; name the LiDAR with --sensor")
     if phase >= ring_step(data.sensor):
-        raise InputError(f"--phase {phase}: every second ring of {data.sensor.name} is kept; 0 and 1 exist")
+        raise InputError(f"--phase {phase}: every second ring of {data.sensor.name} is kept; use 0 or 1")
     return chosen_positions(data, frames)
 
 
-def report_of_drive(
+def sequence_report(
     data: Dataset,
     methods: Mapping[str, Method],
     frames: slice = slice(None),
     phase: int = 0,
     on_frame: Callable[[], None] = lambda: None,
 ) -> DepthReport:
-    """Ask every method for the returns of rings that are held out: every 4th ring of 64 is kept, of fewer every 2nd.
+    """Measure how well each method predicts the returns of held-out rings.
+
+    Of 64 rings every 4th is kept, of fewer every 2nd; the returns of the other rings are the reference.
 
     Args:
-        data: A drive whose scans have rings.
-        methods: By name.
-        frames: Which of its frames.
-        phase: The first ring that is kept.
+        data: A sequence whose scans have rings.
+        methods: The methods by name.
+        frames: Slice of its frames.
+        phase: Index of the first ring that is kept.
         on_frame: Called after each frame.
 
     Returns:
-        Of each method, figures over the returns that the camera sees, where there is one, and over all.
+        The figures of each method over all returns and, if there is a camera, over those in its field of view.
 
     Raises:
-        InputError: As `frames_to_measure`, and where no scan has rings.
+        InputError: As `frames_to_measure`, or no scan has rings.
     """
     from enrichment.calibration import Calibrated
     from enrichment.geometry.held_out import hold_out, past_of, ring_step
     from enrichment.geometry.rays import RayGrid
-    from eval.depth.metrics import PROTOCOL, Answers
-    from eval.depth.report import VIEWS, AboutDrive, DepthReport, MethodReport
+    from eval.depth.metrics import PROTOCOL, Predictions
+    from eval.depth.report import VIEWS, AboutSequence, DepthReport, MethodReport
 
     positions = frames_to_measure(data, frames, phase)
     assert data.sensor is not None
     grid, step = RayGrid(data.sensor), ring_step(data.sensor)
     clocks = {name: _Clock(Calibrated(method)) for name, method in methods.items()}
-    views = {view: Answers(len(positions)) for view in VIEWS}
+    views = {view: Predictions(len(positions)) for view in VIEWS}
     left_out = []
     for position in positions:
         frame = data[position]
@@ -83,14 +85,14 @@ def report_of_drive(
             left_out.append(frame.index)
         else:
             held = hold_out(frame, grid, phase, past_of(data, position))
-            # a scan of its own for each method: what one works out and keeps there, the next must not find
+            # each method gets its own copy of the scan: results cached in one must not help the next
             answers = {name: held.answers(clock(replace(held.scan), grid)) for name, clock in clocks.items()}
             views["full"].add(held.ranges, answers)
             if held.seen is not None:
                 views["image"].add(held.ranges, answers, held.seen)
         on_frame()
     if len(left_out) == len(positions):
-        raise InputError(f"{data.path}: no scan whose points have rings; name the right LiDAR: --sensor")
+        raise InputError(f"{data.path}: no scan has ring indices; name the right LiDAR with --sensor")
     figures = {view: answers.figures() for view, answers in views.items()}
     count = f"{len(positions)} frames, every {'4th' if step == 4 else '2nd'} of {data.sensor.ring_count} rings kept"
     return DepthReport(
@@ -102,7 +104,7 @@ def report_of_drive(
             )
             for name, clock in clocks.items()
         },
-        about=AboutDrive(
+        about=AboutSequence(
             title=f"{data.name}: {count}, from ring {phase}",
             dataset=data.name,
             frames=tuple(int(data.numbers[position]) for position in positions),
@@ -117,7 +119,11 @@ def report_of_drive(
 
 
 def completions(names: Collection[str] = ()) -> dict[str, Completion]:
-    """What completes depth images, by name. Raises InputError as `Registry.require`."""
+    """Return the depth completion methods by name.
+
+    Raises:
+        InputError: As `Registry.require`.
+    """
     from enrichment.methods.registry import COMPLETIONS
 
     COMPLETIONS.require(*names)
@@ -125,14 +131,14 @@ def completions(names: Collection[str] = ()) -> dict[str, Completion]:
 
 
 def depth_maps_to_measure(folder: Path, images: slice = slice(None)) -> Sequence[DepthMapTriple]:
-    """The depth maps that `report_of_depth_maps` measures.
+    """Return the depth maps that `depth_map_report` measures.
 
     Args:
-        folder: Laid out as KITTI's val_selection_cropped.
-        images: Which of them.
+        folder: A folder in the layout of KITTI's val_selection_cropped.
+        images: Slice of its depth maps.
 
     Raises:
-        InputError: There are none in that range.
+        InputError: The slice selects no depth maps.
     """
     from eval.depth.maps import depth_map_triples
 
@@ -142,25 +148,25 @@ def depth_maps_to_measure(folder: Path, images: slice = slice(None)) -> Sequence
     return triples[images]
 
 
-def report_of_depth_maps(
+def depth_map_report(
     folder: Path,
     methods: Mapping[str, Completion],
     images: slice = slice(None),
     on_image: Callable[[], None] = lambda: None,
 ) -> DepthReport:
-    """Let every method complete KITTI's depth maps, by that benchmark's rules; the LiDAR's 64 lines are the input.
+    """Measure depth completion on KITTI's depth maps by that benchmark's rules; the input is all 64 LiDAR rings.
 
     Args:
-        folder: Laid out as KITTI's val_selection_cropped.
-        methods: By name, see `completions`.
-        images: Which of the folder's images.
+        folder: A folder in the layout of KITTI's val_selection_cropped.
+        methods: The methods by name, see `completions`.
+        images: Slice of the folder's images.
         on_image: Called after each image.
 
     Returns:
-        Of each method, the means of its figures over the images.
+        The figures of each method, averaged over the images.
 
     Raises:
-        InputError: As `depth_maps_to_measure`, and where a file is missing or damaged.
+        InputError: As `depth_maps_to_measure`, or a file is missing or damaged.
     """
     from eval.depth.maps import PROTOCOL, DepthMapFigures, depth_map_figures, mean_over_images
     from eval.depth.report import AboutDepthMaps, DepthReport, MethodReport
@@ -187,7 +193,7 @@ def report_of_depth_maps(
 
 
 class _Clock:
-    """A function, and the median of the milliseconds that its calls take, but for a first one that compiles."""
+    """Times the calls of a function: the median in milliseconds, without a first call that compiles."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function, self._seconds = function, list[float]()

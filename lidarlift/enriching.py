@@ -1,4 +1,4 @@
-"""A drive's scans with what lies between their rings filled in."""
+"""Enrichment of the scans of a sequence: points are predicted between the measured rings."""
 
 from __future__ import annotations
 
@@ -23,26 +23,28 @@ def enrich(
     overrides: Sequence[str] = (),
     frames: slice = slice(None),
 ) -> Iterator[tuple[Frame, PointCloud]]:
-    """Fill in the scans of a drive, one after the other.
+    """Enrich the scans of a sequence one by one.
 
-    Of 64-ring scans every fourth ring is taken (front_end.phase, front_end.drop); of other sensors all.
+    64-ring scans are first reduced to every fourth ring (front_end.phase, front_end.drop); scans of other sensors keep
+    all rings.
 
     Args:
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
-        sequence: Which sequence or drive, where the folder has several.
-        sensor: The LiDAR's name or a YAML file with its beams, where the folder does not say.
-        enricher: The method, such as 'ray-segment', which needs no training, or 'lift', our network, the default.
+        sequence: Name of the sequence, if the folder has several.
+        sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
+        enricher: The enrichment method: 'ray-segment' needs no training; 'lift', the default, is our network.
         config: A preset's name or a YAML file.
         overrides: Single settings, as in 'front_end.coverage=0.8'.
-        frames: Positions in the data set, as in a list's slice.
+        frames: Positions in the data set, as a slice of a list.
 
     Yields:
-        Each frame with its cloud on about 64 virtual beams, as recorded: neither deskewed nor vertically corrected.
-        `measured` tells returns from predictions, and `sigma` how sure these are [m].
+        Each frame and its cloud on about 64 virtual beams, as recorded: neither deskewed nor vertically corrected.
+        `measured` separates returns from predictions; `sigma` [m] is the predicted uncertainty of the range.
 
     Raises:
-        InputError: No frames are left, or the laser lines are unknown: at once, before anything is yielded.
-        ValueError: `sequence` or `sensor` is given for a data set that is open already.
+        InputError: The slice selects no frames, or the laser lines are unknown. Raised at once, before anything is
+            yielded.
+        ValueError: `sequence` or `sensor` is given for a data set that is already open.
 
     Example:
         >>> for frame, cloud in lidarlift.enrich("my_drive", sensor="vlp16", enricher="ray-segment"):

@@ -1,4 +1,4 @@
-"""Data set, settings and front end of a run, by what the caller asks for. Here slam and enrichment meet."""
+"""Data set, settings and front end of a run from the caller's arguments. This module joins slam and enrichment."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("lidarlift")
 
-FEW_RINGS = 16  # a sensor that has no more is taken as it is
-TRAINING_FREE = "ray-segment"  # the method that needs no weights
+FEW_RINGS = 16  # scans of a sensor with no more rings than this are used in full
+TRAINING_FREE = "ray-segment"  # the method without weights
 
 
 def opened(dataset: Dataset | str | Path, sequence: str | None, sensor: str | Path | None) -> Dataset:
-    """A data set, or the one that `open_dataset` finds.
+    """Return the data set itself, or open it from its path.
 
     Raises:
         InputError: As `open_dataset`.
-        ValueError: The data set is open already, so that `sequence` and `sensor` would be ignored.
+        ValueError: The data set is already open, so `sequence` and `sensor` would be ignored.
     """
     from slam.data.dataset import open_dataset
 
     if isinstance(dataset, str | Path):
         return open_dataset(dataset, sequence, sensor)
     if sequence is not None or sensor is not None:
-        raise ValueError("the data set is open already; give sequence and sensor to open_dataset")
+        raise ValueError("the data set is already open; pass sequence and sensor to open_dataset")
     return dataset
 
 
@@ -46,70 +46,71 @@ def settings_for(
     config: Config | str | Path | None = None,
     overrides: Sequence[str] = (),
 ) -> Config:
-    """The settings of a run.
+    """Return the settings of a run.
 
     Args:
-        sensor: The LiDAR, None where it is unknown.
+        sensor: The LiDAR, None if unknown.
         input: '64' (as recorded), '16' or 'enriched'; by default as recorded.
-        enricher: The method that fills in, for input 'enriched'.
-        config: A preset's name, a YAML file, or settings that are complete already.
+        enricher: The enrichment method for input 'enriched'.
+        config: A preset's name, a YAML file, or complete settings.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
 
     Raises:
-        InputError: The sensor does not have what is asked for, or as `load_config` and `with_runnable_enricher`.
-        ValueError: Complete settings and others beside them are given.
+        InputError: The sensor does not have the rings for this input, or as `load_config` and
+            `with_runnable_enricher`.
+        ValueError: Other settings are given together with complete ones.
     """
     if isinstance(config, Config):
         if input or enricher or overrides:
-            raise ValueError("config holds all settings already; leave input, enricher and overrides out")
+            raise ValueError("config already holds all settings; leave input, enricher and overrides out")
         return with_runnable_enricher(config)
     few = sensor is not None and sensor.ring_count <= FEW_RINGS
     if few and input == "64":
-        raise InputError(f"the sensor {sensor.name if sensor else ''} has no 64 rings; leave --input out")
+        raise InputError(f"the sensor {sensor.name if sensor else ''} does not have 64 rings; leave --input out")
     settings = load_config(config, overrides, input=input or ("16" if few else None), enricher=enricher)
     if enricher and settings.front_end.input != "enriched":
-        raise InputError(f"--enricher {enricher}: nothing is filled in here; add --input enriched")
+        raise InputError(f"--enricher {enricher}: scans are not enriched without --input enriched; add it")
     return with_runnable_enricher(settings)
 
 
 def with_runnable_enricher(settings: Config) -> Config:
-    """The same settings, or with ray-segment where their enricher is a network whose weights are not installed.
+    """Return the settings, with ray-segment if their enricher is a network whose weights are not installed.
 
-    Settings, titles and run.json then name the method that really runs; the log says so.
+    Settings, titles and run.json then name the method that is used, and the replacement is logged.
 
     Raises:
-        InputError: As `Registry.load`, on the name of the enricher.
+        InputError: As `Registry.load`, for the name of the enricher.
     """
     from enrichment.methods.registry import METHODS, runnable
 
     name = settings.front_end.enricher
     if settings.front_end.input != "enriched":
         return settings
-    METHODS.load(name)  # a wrong name or a broken package is refused before any work begins
+    METHODS.load(name)  # a wrong name or a broken package is reported before any work begins
     if name in runnable():
         return settings
-    log.warning("%s: its weights are not installed; %s takes its place", name, TRAINING_FREE)
+    log.warning("%s: the weights are not installed; %s is used instead", name, TRAINING_FREE)
     front_end = settings.front_end.model_copy(update={"enricher": TRAINING_FREE})
     return settings.model_copy(update={"front_end": front_end})
 
 
 def front_end_for(settings: FrontEndSettings, sensor: Sensor | None, name: object) -> FrontEnd:
-    """The front end of one run, which has seen no scan as yet. See `front_end_maker`."""
+    """Return a new front end for one run. See `front_end_maker`."""
     return front_end_maker(settings, sensor, name)()
 
 
 def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: object) -> Callable[[], FrontEnd]:
-    """What makes the front end that the settings ask for: the rings that are there, or what fills them in.
+    """Return a factory of the front end in the settings: measured rings alone, or enriched.
 
-    A front end that fills in learns from the scans that it is shown, and so may its method: each run has its own.
+    An enriching front end calibrates itself on the scans it receives, and its method may too: each run needs its own.
 
     Args:
-        settings: Of the front end.
-        sensor: The LiDAR, None where it is unknown.
-        name: Of the data set, for messages.
+        settings: Settings of the front end.
+        sensor: The LiDAR, None if unknown.
+        name: Name of the data set, for error messages.
 
     Raises:
-        InputError: As `RingFrontEnd`; or the scans are to be enriched and the laser lines are unknown, or the method.
+        InputError: As `RingFrontEnd`; or for input 'enriched' the laser lines or the method are unknown.
     """
     from slam.front_end import RingFrontEnd
 
@@ -118,7 +119,7 @@ def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: obj
         return lambda: measured
     if sensor is None:
         raise InputError(
-            f"{name}: to enrich its scans the laser lines have to be known; "
+            f"{name}: enrichment needs the laser lines, and the sensor model is unknown; "
             "name the LiDAR: --sensor hdl64, --sensor vlp16 or --sensor FILE.yaml with its beams"
         )
     from enrichment.enricher import Enricher
@@ -130,6 +131,6 @@ def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: obj
 
 
 def input_name(settings: Config) -> str:
-    """Of a configuration, for people."""
+    """Return the name of the input for titles, such as 'enriched by lift' or '16 channels'."""
     front_end = settings.front_end
     return f"enriched by {front_end.enricher}" if front_end.input == "enriched" else f"{front_end.input} channels"

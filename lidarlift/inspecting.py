@@ -158,8 +158,18 @@ def info(
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """What one scan shows: how many points, their ranges (1, 50, 99 %), whether they have times, the files' fields, the
-    median elevation [deg] of each ring, top first, and what is wrong."""
+    """Properties of one scan.
+
+    Attributes:
+        points: Number of points.
+        ranges: Ranges [m] at the 1st, 50th and 99th percentile.
+        timed: Whether the points have times.
+        fields: Fields of the file.
+        ring_field: Whether one of them is the ring.
+        elevations: Median elevation [deg] of each ring, top first.
+        image_size: Width and height of the image, None without one.
+        problems: Problems of the scan.
+    """
 
     points: int
     ranges: Array

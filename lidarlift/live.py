@@ -1,4 +1,4 @@
-"""SLAM on a LiDAR as it delivers scans."""
+"""SLAM on a live LiDAR, scan by scan."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ UNKNOWN = Columns()  # before the first scan with points
 
 
 class Slam:
-    """LiDAR SLAM fed scan by scan.
+    """LiDAR SLAM that is given one scan at a time.
 
-    Pose, covariance and status of a scan are there at once. Keyframes, loop closures and the pose graph follow in a
-    thread of their own; `trajectory` has what they say so far, `finish` judges all loops together and builds the map.
-    `lidarlift.run` feeds the same object from a data set.
+    Pose, covariance and status of a scan are returned at once. Keyframes, loop closures and the pose graph are
+    processed in a second thread; `trajectory` returns their current estimate, `finish` selects the consistent loop
+    closures and builds the map. `lidarlift.run` feeds the same object from a data set.
 
     Use it in a `with` statement, so that an exception stops the thread.
 
     Args:
-        sensor: A built-in LiDAR ('hdl64', 'vlp16', 'vlp32c', ...) or a YAML file with its beams. Needed for input
+        sensor: A built-in LiDAR ('hdl64', 'vlp16', 'vlp32c', ...) or a YAML file with its beams. Required for input
             'enriched'.
-        input: '64', scans as they come; '16', rings dropped; 'enriched', the rest of about 64 filled in. By default as
-            they come.
-        enricher: The method of enrichment: 'ray-segment' takes some milliseconds and needs no camera.
-        calibration: The camera beside the LiDAR, for images that are added: the map is coloured, methods may use them.
+        input: '64', scans as received; '16', rings dropped; 'enriched', 16 rings enriched to about 64. By default as
+            received.
+        enricher: The enrichment method: 'ray-segment' takes some milliseconds and needs no camera.
+        calibration: Calibration of the camera, if images are added: they colour the map, and methods may use them.
         config: A preset's name, a YAML file, or the result of `load_config`.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
-        sweeps_per_second: How fast the LiDAR turns.
+        sweeps_per_second: Rotation rate of the LiDAR [Hz].
 
     Raises:
-        InputError: The sensor does not have what is asked for, or a setting makes no sense.
+        InputError: The sensor does not have the rings for this input, or a setting is invalid.
 
     Example:
         >>> with lidarlift.Slam(sensor="vlp16", input="enriched", enricher="ray-segment") as slam:
@@ -69,7 +69,7 @@ class Slam:
     ) -> None:
         if not sweeps_per_second > 0:
             raise InputError(
-                f"sweeps_per_second: {sweeps_per_second} makes no sense; spinning LiDARs turn 5 to 20 times"
+                f"sweeps_per_second: {sweeps_per_second} is not positive; spinning LiDARs turn at 5 to 20 Hz"
             )
         self._sensor = None if sensor is None else load_sensor(sensor)
         settings = settings_for(self._sensor, input, enricher, config, overrides)
@@ -94,23 +94,23 @@ class Slam:
         """Register the next scan.
 
         Args:
-            points: In the sensor's frame (x forward, y left, z up), metres: (N, 3) x y z, (N, 4) with intensity, or a
-                structured array, as drivers deliver it, with fields x, y, z and, where there are, intensity, ring and
-                time. What these mean (the unit of time, whether it counts from the stamp or is a clock's) is found from
-                the first scan with points. Without a ring field, rings are taken from the sensor's laser lines. Or a
-                cloud that is ready, its times in seconds from the stamp.
-            stamp: Seconds, of the instant of the sweep that points' times count from, be it start, middle or end; the
-                pose is that of the sensor then. Points without times are taken as seen all at once. A stamp that does
-                not rise, or jumps, is a problem of the run that `finish` returns.
-            image: (H, W, 3) uint8 RGB of the calibrated camera, nearest in time.
+            points: Points in the sensor frame (x forward, y left, z up), metres: (N, 3) x y z, (N, 4) with intensity,
+                or a structured array from a driver with the fields x, y, z and optionally intensity, ring and time.
+                The unit of time, and whether it is relative to the stamp, is found from the first scan with points.
+                Without a ring field, rings are derived from the sensor's laser lines. Or a `PointCloud`, with times in
+                seconds from the stamp.
+            stamp: Time of the instant of the sweep from which point times count (start, middle or end) [s]; the pose
+                is that of the sensor at this instant. Points without times are treated as simultaneous. A stamp that
+                does not increase, or jumps, is counted as a problem of the run that `finish` returns.
+            image: (H, W, 3) uint8 RGB image of the calibrated camera, nearest in time, or None.
 
         Returns:
-            Pose (4, 4) T_world_lidar, covariance and status, before any loop that this scan may close. Where the status
-            is 'degenerate', `unobserved` says along which directions the scan did not hold the pose.
+            Pose (4, 4) T_world_lidar, covariance and status, before any loop closure of this scan. If the status is
+            'degenerate', `unobserved` holds the directions in which the scan did not constrain the pose.
 
         Raises:
-            InputError: The points are of another shape, lack fields, have rings that the sensor does not have, or times
-                that are no seconds; or the stamp is no number.
+            InputError: The points have another shape, lack fields, have rings that the sensor does not have, or times
+                that are not seconds; or the stamp is not a finite number.
         """
         place = len(self._slam.result.records)
         name = Path(f"scan {place}")
@@ -126,16 +126,17 @@ class Slam:
         return self._slam.add(replace(frame, cloud=cloud, problems=found.problems + odd))
 
     def trajectory(self) -> Array:
-        """(N, 4, 4) T_world_lidar of all scans so far, by the loops that are closed so far; the first is the identity.
+        """Return the poses (N, 4, 4) T_world_lidar of all scans so far, with the loops closed so far.
 
-        Waits until the keyframes so far are searched for loops: a few scans' time. Nothing later changes by asking.
+        The first pose is the identity. The call waits until the loop search has processed all keyframes so far, about
+        the time of a few scans. It does not change later results.
         """
         return self._slam.trajectory()
 
     def finish(self) -> Run:
-        """Judge all loops together and build the map.
+        """Select the consistent loop closures, optimise the pose graph and build the map.
 
         Returns:
-            The run, as `lidarlift.run` returns it; `save_run` writes it into a run folder.
+            The run, as returned by `lidarlift.run`; `save_run` writes it into a run folder.
         """
         return self._slam.finish()

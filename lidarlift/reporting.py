@@ -1,4 +1,4 @@
-"""What a caller is told while work goes on: progress and notes. The command line shows them; scripts may not care."""
+"""Progress and notes during long work: shown by the command line, optional for scripts."""
 
 from __future__ import annotations
 
@@ -10,36 +10,38 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from slam.data.problem import Problem
 
-#: A task of so many steps with a title, as a context; its value is called once a step.
+#: Opens a task with a title and a number of steps, as a context manager; call its value once per step.
 Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 
 log = logging.getLogger("lidarlift")
 
 
 class Reporter(Protocol):
-    """Where progress and notes go."""
+    """Receives progress and notes."""
 
     def progress(self, title: str, total: int) -> AbstractContextManager[Callable[[], None]]:
-        """A task of `total` steps; what it yields is called once a step."""
+        """Open a task of `total` steps; call the yielded function once per step."""
         ...
 
     def note(self, message: str) -> None:
-        """One line that does not stop the work."""
+        """Take a message of one line that does not stop the work."""
         ...
 
 
 class Quiet:
-    """Shows no progress and logs notes: the reporter of scripts."""
+    """Reporter of scripts: shows no progress and logs notes."""
 
     def progress(self, title: str, total: int) -> AbstractContextManager[Callable[[], None]]:
+        """Show nothing."""
         return nullcontext(lambda: None)
 
     def note(self, message: str) -> None:
+        """Log a warning."""
         log.warning(message)
 
 
 def note_problems(problems: Sequence[Problem], reporter: Reporter, elsewhere: str = ", see run.json") -> None:
-    """Note the first problem of each kind, how many there are, and where all are to be found."""
+    """Report the first problem of each kind, their number, and where all of them are listed."""
     kinds: dict[str, list[str]] = {}
     for problem in problems:
         kinds.setdefault(problem.kind, []).append(problem.message)

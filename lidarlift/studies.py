@@ -1,4 +1,4 @@
-"""The paper's two studies of depth images, on any drive with a camera."""
+"""The paper's two studies of depth images, on any sequence with a camera."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound="DataclassInstance")
 
-SCAN, EXACT = "returns, filled in", "exact depth"
+SCAN, EXACT = "returns, interpolated", "exact depth"
 
 
 @dataclass(frozen=True, eq=False)
 class StudyReport(Generic[F]):
-    """What a study found.
+    """Results of a study.
 
     Attributes:
-        title: For people.
-        sources: Mean figures by where depth came from: SCAN, and EXACT of a simulated drive.
-        frames: The numbers of the frames.
-        left_out: Why other frames were left out, a sentence each.
-        shown: One of the frames, for the picture.
-        protocol: What each figure means.
+        title: Title for display.
+        sources: Mean figures by source of the depth: SCAN, and EXACT for a simulated sequence.
+        frames: Numbers of the frames used.
+        left_out: Reasons why other frames were left out, one sentence each.
+        shown: Depth image of one frame, for the figure.
+        protocol: Definition of each figure.
     """
 
     title: str
@@ -41,7 +41,7 @@ class StudyReport(Generic[F]):
     protocol: Mapping[str, str]
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: "about", and the sources by name."""
+        """Return the report for JSON: "about", and the sources by name."""
         about = {
             "title": self.title,
             "frames": list(self.frames),
@@ -51,24 +51,26 @@ class StudyReport(Generic[F]):
         return {"about": about, **{source: _as_dict(figures) for source, figures in self.sources.items()}}
 
 
-def study_drive(
+def study_sequence(
     data: Dataset,
     study: Callable[[DepthImage], Figures[F]],
     protocol: Mapping[str, str],
     frames: slice = slice(None),
     on_frame: Callable[[], None] = lambda: None,
 ) -> StudyReport[F]:
-    """Mean figures of a study over a drive's depth images: returns filled in, and exact ones where it was simulated.
+    """Average a study's figures over the depth images of a sequence.
+
+    Depth images are interpolated from the returns; for a simulated sequence the exact ones are studied as well.
 
     Args:
-        data: A drive with a camera.
+        data: A sequence with a camera.
         study: `enrichment.studies.sparsity.sparsity` or `enrichment.studies.edges.edges`.
-        protocol: What its figures mean.
-        frames: Which of the drive's frames.
+        protocol: Definition of the study's figures.
+        frames: Slice of the frames.
         on_frame: Called after each frame.
 
     Raises:
-        InputError: No frames are in that range, or none of them has a depth image.
+        InputError: The slice selects no frames, or none of them has a depth image.
     """
     from enrichment.studies.depth_image import exact, of_scan
     from enrichment.studies.figures import mean_figures

@@ -1,6 +1,6 @@
-"""A network learns from drives: options that all trainings share, and what Lift and the depth networks learn from.
+"""Training of networks on recorded sequences: shared options, and the tasks of Lift and of the depth networks.
 
-Torch is imported when a training begins; `require_torch` says beforehand which extra is missing.
+Torch is imported when a training begins; `require_torch` reports a missing extra beforehand.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ if TYPE_CHECKING:
     from slam.data.dataset import Dataset
 
 EPOCHS = 20
-ADAPTING_RATE = 3e-4  # highest learning rate: what was learned before is not to be lost
-NEIGHBOURS = 5  # scans before and after that complete a training frame's target; validation frames have their own alone
-MOST_WORKERS = 4
+ADAPTING_RATE = 3e-4  # maximum learning rate of fine-tuning: a higher one would forget what the weights learned before
+NEIGHBOURS = 5  # scans before and after that densify a training target; validation targets use their own scan alone
+MAX_WORKERS = 4
 
 
 @dataclass(frozen=True)
 class TrainingOptions:
-    """What every training is told.
+    """Options shared by all trainings.
 
     Attributes:
-        out: The folder for weights, checkpoint and logs.
-        resume: Go on where the training in `out` was broken off.
-        start: The .safetensors of the same network to start from; None: random weights.
-        device: "auto", "cpu" or "gpu" (all that there are).
-        epochs: Times through all frames; None: EPOCHS.
-        steps: How many steps, whatever `epochs` says; None: as many as the epochs have.
-        batch: Examples a step, on each GPU.
-        seed: Of the first weights, the examples and dropout.
-        rate: Highest learning rate; None: the network's own.
-        bf16: Convolutions in bfloat16.
+        out: Folder for weights, checkpoint and logs.
+        resume: Continue the interrupted training in `out`.
+        start: A .safetensors file of the same network with initial weights; None: random weights.
+        device: "auto", "cpu" or "gpu" (all available GPUs).
+        epochs: Number of epochs; None: EPOCHS.
+        steps: Number of steps, overrides `epochs`; None: computed from the epochs.
+        batch: Examples per step, on each GPU.
+        seed: Random seed of the initial weights, the examples and dropout.
+        rate: Maximum learning rate; None: the network's default.
+        bf16: Compute convolutions in bfloat16.
     """
 
     out: Path
@@ -61,21 +61,25 @@ class TrainingOptions:
     bf16: bool = False
 
     def require_folder(self) -> None:
-        """Raise InputError where `out` holds a training that is not resumed, or none that could be."""
+        """Check that `out` holds a training if and only if one is resumed.
+
+        Raises:
+            InputError: `out` holds a training that is not resumed, none to resume, or `start` is given with `resume`.
+        """
         from enrichment.training.checkpoint import CHECKPOINT
 
         checkpoint = self.out / CHECKPOINT
         if checkpoint.exists() and not self.resume:
-            raise InputError(f"{self.out}: a training is here already; go on with --resume, or name another --out")
+            raise InputError(f"{self.out}: holds a training already; add --resume, or choose another --out")
         if self.resume and not checkpoint.exists():
-            raise InputError(f"{checkpoint}: no such file, so there is nothing to --resume; leave that out")
+            raise InputError(f"{checkpoint}: no such file, there is no training to resume; leave --resume out")
         if self.resume and self.start is not None:
             raise InputError(
-                f"--start {self.start}: a training that is resumed has weights; leave one of --start and --resume out"
+                f"--start {self.start}: a resumed training has weights already; leave out --start or --resume"
             )
 
     def plan(self, model: str, examples: int, **own: Any) -> Plan:
-        """The plan of a training on so many examples; `own` are fields of `Plan` that this model alone has."""
+        """Return the plan of a training on `examples` examples; `own` are fields of `Plan` for this model alone."""
         from enrichment.training.plan import Plan
 
         steps = self.steps or -(-examples * (self.epochs or EPOCHS) // self.batch)
@@ -83,10 +87,10 @@ class TrainingOptions:
 
 
 def lift_task(paths: Sequence[Path], validate: Sequence[Path], own_rings: bool) -> LiftTask:
-    """Lift's task on the drives in these folders.
+    """Return Lift's training task on the sequences in these folders.
 
     Raises:
-        InputError: A folder is no drive, or its LiDAR's rings are unknown.
+        InputError: A folder is not a data set, or its sensor model is unknown.
     """
     from enrichment.training.lift_task import LiftTask
 
@@ -95,10 +99,10 @@ def lift_task(paths: Sequence[Path], validate: Sequence[Path], own_rings: bool) 
 
 
 def depth_task(training: Sequence[Pack], validation: Sequence[Pack], crop: tuple[int, int]) -> ImageTask:
-    """The depth networks' task on packs, in crops of (height, width) cells.
+    """Return the training task of the depth networks on packs, with crops of (height, width) cells.
 
     Raises:
-        InputError: A pack has images smaller than the crop.
+        InputError: The images of a pack are smaller than the crop.
     """
     from enrichment.training.image_examples import require_crop
     from enrichment.training.image_task import ImageTask
@@ -107,7 +111,7 @@ def depth_task(training: Sequence[Pack], validation: Sequence[Pack], crop: tuple
     return ImageTask(training, validation)
 
 
-def packs_of(
+def open_packs(
     paths: Sequence[Path],
     poses: Sequence[Path],
     file: Path,
@@ -115,28 +119,29 @@ def packs_of(
     progress: Progress,
     neighbours: int = NEIGHBOURS,
 ) -> list[Pack]:
-    """The packs among the paths, and one, in `file`, of the drives among them.
+    """Open the packs among the paths, and pack the sequences among them into `file`.
 
     Args:
-        paths: Packs (.npz) and folders of drives.
-        poses: A file of LiDAR poses for each drive, in their order; or none.
-        file: Written unless it is there already.
-        scale: Cells a pixel.
-        progress: Shows how far the packing is.
-        neighbours: So many scans before and after complete a frame's target.
+        paths: Packs (.npz) and folders of sequences.
+        poses: A file of LiDAR poses for each sequence, in the same order; or none.
+        file: The pack of the sequences; it is written unless it exists.
+        scale: Cells per pixel.
+        progress: Shows the progress of the packing.
+        neighbours: Number of scans before and after that densify the target of a frame.
 
     Raises:
-        InputError: The poses are not one file a drive, a pack has another scale, or as `packed` and `source` do.
+        InputError: The number of pose files differs from the number of sequences, a pack has another scale, or as
+            `packed` and `source`.
     """
     from enrichment.training.pack import Pack
 
     packs = [Pack(path) for path in paths if path.suffix == ".npz"]
     drives = [path for path in paths if path.suffix != ".npz"]
     if poses and len(poses) != len(drives):
-        raise InputError(f"--poses: {len(poses)} files for {len(drives)} drives; one for each is needed, or none")
+        raise InputError(f"--poses: {len(poses)} files for {len(drives)} sequences; give one for each, or none")
     for pack in packs:
         if pack.scale != scale:
-            raise InputError(f"{pack.path}: packed at scale {pack.scale:g}; give --scale {pack.scale:g}")
+            raise InputError(f"{pack.path}: packed at scale {pack.scale:g}; use --scale {pack.scale:g}")
     if drives:
         files: Sequence[Path | None] = poses or [None] * len(drives)
         sources = [_source(drive, of_it, scale, neighbours) for drive, of_it in zip(drives, files, strict=True)]
@@ -168,16 +173,16 @@ def _opened(drive: Path) -> Dataset:
         raise InputError(str(error).replace("name one with --sequence", "give the folder of each")) from error
 
 
-def prepared(plan: Plan, task: Task, options: TrainingOptions, on_step: Callable[[float], None]) -> Training:
-    """A training that is ready to go on, with weights from where the options say; `on_step` gets each step's loss.
+def prepare(plan: Plan, task: Task, options: TrainingOptions, on_step: Callable[[float], None]) -> Training:
+    """Return a training that is ready to run, with initial or resumed weights; `on_step` receives each step's loss.
 
     Raises:
-        InputError: The weights or the checkpoint are not of this training.
+        InputError: The weights or the checkpoint do not belong to this training.
     """
     from enrichment.networks.export import load_weights
     from enrichment.training.loop import Training
 
-    training = Training(plan, task, options.out, min(usable_cores() - 1, MOST_WORKERS), on_step)
+    training = Training(plan, task, options.out, min(usable_cores() - 1, MAX_WORKERS), on_step)
     if options.resume:
         training.resume()
     elif options.start is not None:
@@ -186,26 +191,30 @@ def prepared(plan: Plan, task: Task, options: TrainingOptions, on_step: Callable
 
 
 def shipped_weights(model: str) -> Path:
-    """The .safetensors of a network that comes with lidarlift.
+    """Return the path of the .safetensors of a network that is shipped with lidarlift.
 
     Raises:
-        InputError: There are none.
+        InputError: No weights of this network are shipped.
     """
     from enrichment.methods.onnx_network import WEIGHTS
 
     path = Path(str(WEIGHTS / f"{model}.safetensors"))
     if not path.is_file():
-        raise InputError(f"no weights of {model} are shipped to start from; name some with --start")
+        raise InputError(f"no weights of {model} are shipped; give a file with --start")
     return path
 
 
 def is_first_process() -> bool:
-    """Of several GPUs each has a process of its own, started with the same command line."""
+    """Tell whether this is the first of the training processes: each GPU has its own, with the same command line."""
     return os.environ.get("LOCAL_RANK", "0") == "0"
 
 
 def require_torch() -> None:
-    """Raise InputError where what trains is not installed."""
+    """Check that the training packages are installed.
+
+    Raises:
+        InputError: Some are missing.
+    """
     missing = [name for name in ("torch", "lightning", "onnx", "safetensors", "tensorboard") if find_spec(name) is None]
     if missing:
-        raise InputError(f"training needs {', '.join(missing)}; install them: pip install 'lidarlift[train]'")
+        raise InputError(f"training requires {', '.join(missing)}; install them: pip install 'lidarlift[train]'")

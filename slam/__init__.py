@@ -1,1 +1,1 @@
-"""lidarlift's SLAM: data sets in, trajectory and map out."""
+"""lidarlift's SLAM: from data sets to trajectory and map."""

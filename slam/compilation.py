@@ -1,4 +1,4 @@
-"""numba's kernels compiled before a run, so that the first frames are not slow and a user is told why it waits."""
+"""Compilation of the numba kernels before a run, so that the first frames are not slow and the user is told."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slam.settings import Config
 
 
 def compile_kernels(config: Config, notify: Callable[[], None]) -> None:
-    """Have numba's kernels ready, from its cache or compiled; `notify` is called once where that takes a while."""
+    """Load the numba kernels from the cache or compile them; call `notify` once if this takes more than 1.5 s."""
     timer = threading.Timer(1.5, notify)
     timer.start()
     try:

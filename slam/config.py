@@ -1,4 +1,4 @@
-"""Settings from presets, files and the command line; the presets in configs/ say only what differs."""
+"""Settings from presets, files and the command line; the presets in configs/ contain only the differences."""
 
 from __future__ import annotations
 
@@ -16,20 +16,38 @@ from slam.data.errors import InputError
 from slam.data.yaml_text import parsed
 from slam.settings import Config, Settings
 
-#: Presets and settings of earlier versions, and what is instead.
-GONE_PRESETS = {f"channels-{name}": f"leave it out, --input {name} does" for name in ("16", "enriched")}
-GONE_SETTINGS = {
+#: Presets and settings of earlier versions that were removed, with their replacement.
+REMOVED_PRESETS = {f"channels-{name}": f"leave it out, --input {name} is enough" for name in ("16", "enriched")}
+REMOVED_SETTINGS = {
     "odometry.unseen_tilt_deg": "leave it out, the covariance comes from the registration alone",
-    "pose_graph.held_back": "leave it out, the odometry sees the pitch of sparse scans itself",
+    "pose_graph.held_back": "leave it out, the odometry itself observes the pitch of sparse scans",
+}
+#: Settings of earlier versions that were renamed.
+RENAMED_SETTINGS = {
+    "loops.candidates": "loops.max_candidates",
+    "loops.max_distance": "loops.max_descriptor_distance",
+    "loops.scan_context.preselected": "loops.scan_context.max_preselected",
+    "loops.scan_context.min_travelled": "loops.scan_context.min_travelled_distance",
+    "loops.verification.match_reach": "loops.verification.match_submap_radius",
+    "loops.verification.query_reach": "loops.verification.query_submap_radius",
+    "loops.verification.registered_voxel_size": "loops.verification.registration_voxel_size",
+    "loops.verification.distinct_radius": "loops.verification.distinctness_radius",
+    "pose_graph.rotation_deg": "pose_graph.rotation_drift_deg",
+    "pose_graph.translation": "pose_graph.translation_drift",
 }
 
 
 def load_config(source: str | Path | None = None, overrides: Sequence[str] = (), **front_end: Any) -> Config:
-    """Defaults, then `source`, then `overrides` ('odometry.voxel_size=1.0').
+    """Load settings: the defaults, overridden by `source`, then by `overrides`, then by `front_end`.
 
-    `source` is a YAML file or a preset's name (see `preset_names`); keywords set front-end values, such as input='16',
-    and beat the file's. Raises InputError on an unknown key, with the nearest right one, or on a value that makes no
-    sense.
+    Args:
+        source: A YAML file or the name of a preset (see `preset_names`).
+        overrides: Single settings, such as 'odometry.voxel_size=1.0'.
+        **front_end: Front-end settings, such as input='16'; None leaves a setting unchanged.
+
+    Raises:
+        InputError: A key is unknown (the message names the most similar one), removed or renamed, or a value is
+            invalid.
     """
     name = str(source) if source else "the command line"
     values = _read(source) if source else {}
@@ -46,8 +64,8 @@ def load_config(source: str | Path | None = None, overrides: Sequence[str] = (),
 
 
 def yaml_text(config: Config) -> str:
-    """All settings as YAML that `load_config` reads back, each section under a comment that says what it is for."""
-    lines = ["# Settings of lidarlift: slam/settings.py gives the reason beside each default."]
+    """Format all settings as YAML that `load_config` can read, with a comment above each section."""
+    lines = ["# Settings of lidarlift: slam/settings.py gives the reason for each default."]
     for name, section in config:
         content = yaml.dump({name: section.model_dump(mode="json")}, Dumper=_ListsInline, sort_keys=False)
         lines += ["", f"# {inspect.cleandoc(type(section).__doc__ or name)}", content.rstrip()]
@@ -55,12 +73,12 @@ def yaml_text(config: Config) -> str:
 
 
 def preset_names() -> list[str]:
-    """Names of the presets that are shipped."""
+    """Return the names of the presets."""
     return sorted(file.name.removesuffix(".yaml") for file in _presets() if file.name.endswith(".yaml"))
 
 
 class _ListsInline(yaml.SafeDumper):
-    """[4.0, 2.0, 1.0] in one line; sections a line a key."""
+    """Writes lists such as [4.0, 2.0, 1.0] on one line, and sections with one line per key."""
 
 
 _ListsInline.add_representer(
@@ -75,17 +93,19 @@ def _presets() -> Iterator[Any]:
 def _read(source: str | Path) -> dict[str, Any]:
     path = Path(source)
     preset = next((file for file in _presets() if file.name == f"{source}.yaml"), None)
-    if not path.is_file() and str(source) in GONE_PRESETS:
-        raise InputError(f"{source}: this preset is gone, one rule serves all inputs; {GONE_PRESETS[str(source)]}")
+    if not path.is_file() and str(source) in REMOVED_PRESETS:
+        raise InputError(
+            f"{source}: this preset was removed, the defaults apply to all inputs; {REMOVED_PRESETS[str(source)]}"
+        )
     if not path.is_file() and preset is None:
-        raise InputError(f"{source}: no such file and no preset; presets are {', '.join(preset_names())}")
+        raise InputError(f"{source}: neither a file nor a preset; presets are {', '.join(preset_names())}")
     try:
         text = path.read_text(encoding="utf-8") if path.is_file() or preset is None else preset.read_text("utf-8")
         values = parsed(text) or {}
     except ValueError as error:  # of text that is not UTF-8 too
         raise InputError(f"{source}: not YAML: {error}") from error
     if not isinstance(values, dict):
-        raise InputError(f"{source}: sections such as 'odometry:' expected, found {type(values).__name__}")
+        raise InputError(f"{source}: expected sections such as 'odometry:', found {type(values).__name__}")
     return values
 
 
@@ -103,20 +123,22 @@ def _set(values: dict[str, Any], override: str) -> None:
 
 
 def _check_keys(values: dict[str, Any], model: type[Settings], source: str, prefix: str) -> None:
-    """InputError that names the nearest right key, before pydantic sees a wrong one."""
+    """Raise InputError for a wrong key, with the most similar right one, before pydantic would."""
     for key, value in values.items():
-        field = model.model_fields.get(key)
-        if f"{prefix}{key}" in GONE_SETTINGS:
-            raise InputError(f"{source}: the setting '{prefix}{key}' is gone; {GONE_SETTINGS[f'{prefix}{key}']}")
+        field, name = model.model_fields.get(key), f"{prefix}{key}"
+        if name in REMOVED_SETTINGS:
+            raise InputError(f"{source}: the setting '{name}' was removed; {REMOVED_SETTINGS[name]}")
+        if name in RENAMED_SETTINGS:
+            raise InputError(f"{source}: the setting '{name}' was renamed; use '{RENAMED_SETTINGS[name]}'")
         if field is None:
             right = difflib.get_close_matches(str(key), _all_keys(Config, ""), 1, 0.0)
             near = difflib.get_close_matches(str(key), list(model.model_fields), 1, 0.5)
             best = prefix + near[0] if near else right[0]
-            raise InputError(f"{source}: unknown setting '{prefix}{key}'; did you mean '{best}'?")
+            raise InputError(f"{source}: unknown setting '{name}'; did you mean '{best}'?")
         if isinstance(field.annotation, type) and issubclass(field.annotation, Settings):
             if not isinstance(value, dict):
-                raise InputError(f"{source}: '{prefix}{key}' is a section; set a key in it, as in {key}.NAME: value")
-            _check_keys(value, field.annotation, source, f"{prefix}{key}.")
+                raise InputError(f"{source}: '{name}' is a section; set a key in it, as in {key}.NAME: value")
+            _check_keys(value, field.annotation, source, f"{name}.")
 
 
 def _all_keys(model: type[Settings], prefix: str) -> list[str]:

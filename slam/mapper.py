@@ -1,4 +1,4 @@
-"""Behind the odometry: keyframes, loops and the pose graph, in a thread of their own."""
+"""Mapping thread: keyframes, loop closure, pose graph and map from the registered scans."""
 
 from __future__ import annotations
 
@@ -23,20 +23,21 @@ from slam.mapping.keyframes import Keyframes
 from slam.odometry import OdometryStep
 from slam.settings import Config
 
-LEAST_WAY = 0.5  # m that the drift is reckoned with, though the car may have turned on the spot
-AHEAD = 20  # scans that may wait: so many the odometry can be ahead, and the memory that they take
+MIN_TRAVELLED = 0.5  # m, lower bound of the distance in the drift model: a vehicle may turn on the spot
+MAX_QUEUED_SCANS = 20  # the odometry blocks when mapping is this many scans behind: bounds the memory
 STAGES = ("map", "loops", "back_end")
 
 
 @dataclass(frozen=True, eq=False)
 class MappingResult:
-    """What came of the keyframes.
+    """Result of mapping.
 
-    poses      (K, 4, 4) T_world_keyframe, optimised
-    keyframes  with their poses by the odometry and their clouds
-    ledger     every loop that was thought of
-    graph      poses, odometry and accepted loops
-    map        of the optimised poses, without what moved
+    Attributes:
+        poses: (K, 4, 4) T_world_keyframe, optimised.
+        keyframes: The keyframes, with odometry poses and clouds.
+        ledger: Records of all loop candidates.
+        graph: Optimised poses, odometry edges and accepted loop edges.
+        map: Map from the optimised poses, without moving objects.
     """
 
     poses: Array
@@ -47,20 +48,24 @@ class MappingResult:
 
     @property
     def loops(self) -> int:
-        """Accepted ones."""
+        """Number of accepted loops."""
         return sum(record.status == "accepted" for record in self.ledger)
 
     def corrected(self, poses: Array) -> Array:
-        """Odometry poses (N, 4, 4) of frames 0, 1 .., moved as the keyframes before and after them were."""
-        return placed(poses, self.keyframes.indices, self.keyframes.poses, self.poses) if self.loops else poses
+        """Correct odometry poses (N, 4, 4) of frames 0, 1 .. by the corrections of the keyframes before and after."""
+        return corrected_poses(poses, self.keyframes.indices, self.keyframes.poses, self.poses) if self.loops else poses
 
 
 @dataclass
 class Mapper:
-    """Takes registered scans and gives a `MappingResult`.
+    """Builds a `MappingResult` from registered scans.
 
-    All is done in the order of the scans by one thread, and depends on nothing but them: whatever the timing, the
-    result is the same. A keyframe's loops are searched when the keyframes that its verification reaches for are there.
+    One thread processes the scans in order, so the result does not depend on timing. The loops of a keyframe are
+    searched as soon as all keyframes of its submap exist.
+
+    Attributes:
+        config: The settings.
+        milliseconds: Run times by the stages `STAGES`.
     """
 
     config: Config
@@ -71,9 +76,9 @@ class Mapper:
         self._search = LoopSearch(self.config.loops)
         self._thread = ThreadPoolExecutor(1, "mapper")
         self._waiting: deque[Future[None]] = deque()
-        self._way, self._last = 0.0, np.zeros(3)
-        self._doubt = np.zeros((6, 6))  # sum of the registrations' covariances since the last keyframe
-        self._doubts: list[Array] = []  # and of each keyframe since the one before
+        self._travelled, self._last = 0.0, np.zeros(3)
+        self._covariance = np.zeros((6, 6))  # sum of the registration covariances since the last keyframe
+        self._covariances: list[Array] = []  # the same sum of each keyframe since the one before
 
     def __enter__(self) -> Self:
         return self
@@ -81,25 +86,31 @@ class Mapper:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close(wait=kind is None)  # what is stopped should not wait for a solver
+        self.close(wait=kind is None)  # after an exception, do not wait for a solver
 
     def close(self, wait: bool = True) -> None:
-        """End the thread; without `wait`, what it is at goes on unattended."""
+        """End the thread; without `wait`, its current task continues in the background."""
         self._thread.shutdown(wait=wait, cancel_futures=True)
 
     def add(self, position: int, frame: Frame, recorded: PointCloud, step: OdometryStep) -> None:
-        """The scan of the frame at `position` of the run, as recorded and as registered. Returns at once, unless the
-        work is far behind; raises what went wrong with earlier scans."""
-        while self._waiting and (len(self._waiting) >= AHEAD or self._waiting[0].done()):
+        """Queue a scan; block if `MAX_QUEUED_SCANS` are waiting. Exceptions of earlier scans are raised here.
+
+        Args:
+            position: Position of the frame in the run.
+            frame: The frame, for its image.
+            recorded: The cloud in sensor geometry, on which the image is projected.
+            step: The registered scan.
+        """
+        while self._waiting and (len(self._waiting) >= MAX_QUEUED_SCANS or self._waiting[0].done()):
             self._waiting.popleft().result()
         self._waiting.append(self._thread.submit(self._add, position, frame, recorded, step))
 
     def corrected(self, poses: Array) -> Array:
-        """Odometry poses (N, 4, 4) of the frames so far, moved as the loops closed so far moved the keyframes."""
+        """Correct odometry poses (N, 4, 4) of the frames so far by the loops closed so far."""
         return self._thread.submit(self._corrected, poses).result()
 
     def finish(self) -> MappingResult:
-        """Search the last keyframes, judge all loops together, and build the map."""
+        """Search the last keyframes for loops, select the consistent loops, and build the map."""
         self._waiting.append(self._thread.submit(self._finish))
         while self._waiting:
             self._waiting.popleft().result()
@@ -109,45 +120,45 @@ class Mapper:
 
     def _add(self, position: int, frame: Frame, recorded: PointCloud, step: OdometryStep) -> None:
         begin = time.perf_counter()
-        self._way += float(np.linalg.norm(step.pose[:3, 3] - self._last))
+        self._travelled += float(np.linalg.norm(step.pose[:3, 3] - self._last))
         self._last = step.pose[:3, 3]
-        self._doubt = self._doubt + step.covariance
+        self._covariance = self._covariance + step.covariance
         if step.status == "failed":
             return
         begins = self._keyframes.begins(step.pose)
         cloud = _coloured(step.cloud, recorded, frame) if begins and self.config.map.colour else step.cloud
-        done = self._keyframes.add(cloud, step.pose, position, self._way)
+        done = self._keyframes.add(cloud, step.pose, position, self._travelled)
         if begins:
-            self._doubts.append(self._doubt)
-            self._doubt = np.zeros((6, 6))
+            self._covariances.append(self._covariance)
+            self._covariance = np.zeros((6, 6))
         self.milliseconds["map"].append(1e3 * (time.perf_counter() - begin))
         if done is not None:
-            self._close(self.config.loops.verification.query_reach)
+            self._close(self.config.loops.verification.query_submap_radius)
 
     def _optimised(self) -> Array:
-        """The keyframes' poses (K, 4, 4), as the odometry has them until a loop is closed."""
+        """Poses of the keyframes (K, 4, 4): the odometry poses until a loop is closed."""
         poses = self._keyframes.poses
         return poses[0] @ self._back_end.poses() if self._back_end.has_loops else poses
 
     def _corrected(self, poses: Array) -> Array:
         if not self._back_end.has_loops:
             return poses
-        return placed(poses, self._keyframes.indices, self._keyframes.poses, self._optimised())
+        return corrected_poses(poses, self._keyframes.indices, self._keyframes.poses, self._optimised())
 
     def _finish(self) -> None:
         self._keyframes.finish()
         self._close(0.0)
         self._back_end.settle()
 
-    def _close(self, reach: float) -> None:
-        """Put the newest keyframe into the graph, and search the loops of those that lie `reach` [m] back."""
+    def _close(self, radius: float) -> None:
+        """Add the newest keyframe to the graph, and search loops of the keyframes at least `radius` [m] behind it."""
         begin = time.perf_counter()
         count = len(self._keyframes)
         if count > 1:
             self._back_end.add_odometry(*self._motion(count - 1))
-        graph, loops, ways = time.perf_counter() - begin, 0.0, self._keyframes.ways
+        graph, loops, travelled = time.perf_counter() - begin, 0.0, self._keyframes.travelled
         while self.config.loops.enabled and len(self._search) < count:
-            if ways[len(self._search)] + reach > ways[-1]:
+            if travelled[len(self._search)] + radius > travelled[-1]:
                 break
             begin = time.perf_counter()
             found = self._search.next(self._keyframes)
@@ -163,29 +174,29 @@ class Mapper:
         self.milliseconds["back_end"].append(1e3 * graph)
 
     def _motion(self, number: int) -> tuple[Array, Array]:
-        """Of a keyframe since the one before: (4, 4), and its covariance (6, 6), the registrations' and the drift's."""
+        """Motion (4, 4) of a keyframe since the one before, and its covariance (6, 6): registration plus drift."""
         before, here = self._keyframes.poses[number - 1 : number + 1]
-        way = max(float(np.diff(self._keyframes.ways[number - 1 : number + 1])[0]), LEAST_WAY)
+        distance = max(float(np.diff(self._keyframes.travelled[number - 1 : number + 1])[0]), MIN_TRAVELLED)
         settings = self.config.pose_graph
-        drift = np.array([np.deg2rad(settings.rotation_deg)] * 3 + [settings.translation] * 3) ** 2 * way
-        return se3.normalized(se3.inverse(before) @ here), self._doubts[number] + np.diag(drift)
+        sigma = np.array([np.deg2rad(settings.rotation_drift_deg)] * 3 + [settings.translation_drift] * 3)
+        return se3.normalized(se3.inverse(before) @ here), self._covariances[number] + np.diag(sigma**2 * distance)
 
 
-def placed(poses: Array, indices: Array, keyframes: Array, optimised: Array) -> Array:
-    """Where frames are, by where their keyframes are.
+def corrected_poses(poses: Array, indices: Array, keyframes: Array, optimised: Array) -> Array:
+    """Correct the poses of frames by the optimised poses of their keyframes.
 
-    A frame is put where the odometry saw it from the keyframe before it, and from the one after it, and between the two
-    by how near in frames they are: at a keyframe its optimised pose. All this is in the keyframes' own axes, so it does
-    not matter how far away the world's origin is.
+    The odometry gives the pose of a frame relative to the keyframe before and to the one after; the corrected pose
+    interpolates between the two, by the number of frames to each. A keyframe gets its optimised pose. The interpolation
+    is done in the keyframes' axes, so it does not depend on the world's origin.
 
     Args:
-        poses: (N, 4, 4) of frames 0, 1 .. by the odometry.
-        indices: (K,) the frames that are keyframes, rising.
-        keyframes: (K, 4, 4) by the odometry.
-        optimised: (K, 4, 4).
+        poses: (N, 4, 4) odometry poses of frames 0, 1 ..
+        indices: (K,) frames of the keyframes, increasing.
+        keyframes: (K, 4, 4) odometry poses of the keyframes.
+        optimised: (K, 4, 4) optimised poses of the keyframes.
 
     Returns:
-        (N, 4, 4). Frames before the first keyframe, or after the last, move rigidly with it.
+        (N, 4, 4). Frames before the first or after the last keyframe move rigidly with it.
     """
     before, after, share = se3.neighbours(indices, np.arange(len(poses)))
     start, end = (optimised[near] @ (se3.inverse(keyframes[near]) @ poses) for near in (before, after))
@@ -193,7 +204,7 @@ def placed(poses: Array, indices: Array, keyframes: Array, optimised: Array) -> 
 
 
 def _coloured(cloud: PointCloud, recorded: PointCloud, frame: Frame) -> PointCloud:
-    """The registered cloud with the colours that the camera saw; the image is projected on the points as recorded."""
+    """The registered cloud with colours of the image, which is projected onto the points in sensor geometry."""
     if frame.calibration is None or (image := frame.image) is None:
         return cloud
     return replace(cloud, colour=with_colour(recorded, image, frame.calibration).colour)

@@ -1,4 +1,4 @@
-"""What a run gives: a record a frame, the trajectory before and after loops, the map, and where the scans came from."""
+"""Result of a run: a record per frame, the trajectory before and after loop closure, the map, and the data source."""
 
 from __future__ import annotations
 
@@ -20,12 +20,8 @@ from slam.data.sensor import Sensor
 from slam.mapper import MappingResult
 from slam.settings import Config
 
-STAGES = (
-    "load",
-    "front_end",
-    "odometry",
-    "waiting",
-)  # of a frame, the last for the mapper, which has stages of its own
+#: Stages of a frame; "waiting" is the time that the odometry waits for the mapper, which has stages of its own.
+STAGES = ("load", "front_end", "odometry", "waiting")
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +29,16 @@ class FrameRecord:
     """The odometry's answer for one frame.
 
     Attributes:
-        index: The frame's number in its data set; in a live run its place, from 0.
+        index: The frame's number in its data set; in a live run its position, from 0.
         stamp: Seconds.
         pose: (4, 4) T_world_lidar; the world is the first scan's frame.
         covariance: (6, 6) of the motion since the scan before, as in `OdometryStep`.
         status: 'registered', 'retried', 'degenerate' or 'failed', as in `OdometryStep`.
-        inlier_ratio: Share of the matched points that fit the map, 0..1; NaN where nothing was registered.
-        points: How many points the front end handed to the odometry.
-        milliseconds: By the stages `STAGES`.
-        unobserved: (K, 6) unit vectors (rotation, translation) in the sensor's axes, along which a degenerate scan did
-            not hold the pose: there it is the prediction's. Of any other scan (0, 6).
+        inlier_ratio: Share of the matched points that fit the map, 0..1; NaN if nothing was registered.
+        points: Number of points that the front end passed to the odometry.
+        milliseconds: Run time by the stages `STAGES`.
+        unobserved: (K, 6) unit vectors (rotation, translation) in the sensor frame in which a degenerate scan did not
+            constrain the pose: along them the pose is the prediction. (0, 6) for any other scan.
     """
 
     index: int
@@ -58,18 +54,18 @@ class FrameRecord:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Where a run's scans come from.
+    """Source of the scans of a run.
 
     Attributes:
-        name: For tables and run.json, like 'KITTI odometry 04'.
+        name: Name for tables and run.json, such as 'KITTI odometry 04'.
         path: The data set's folder, None in a live run.
-        sensor: The LiDAR's laser lines, None where they are unknown.
-        calibration: The camera beside the LiDAR, None without one.
-        positions: Which frames of the data set are run, None in a live run.
+        sensor: The LiDAR's laser lines, None if unknown.
+        calibration: Calibration of the camera, None without one.
+        positions: Positions of the frames in the data set, None in a live run.
         ground_truth: (N, 4, 4) T_world_lidar of these frames, NaN where unknown, or None.
-        truth_readings: Of `GroundTruth`, of these frames.
-        point_times: The verdict on the times of the drive's points, None where nobody gave one.
-        stamps_from: Where the scans' stamps are from, None where nobody said.
+        truth_readings: As in `GroundTruth`, of these frames.
+        point_times: The verdict on the point times of the data set, None without one.
+        stamps_from: Source of the scans' stamps, None if unknown.
     """
 
     name: str = "live"
@@ -85,18 +81,18 @@ class Source:
 
 @dataclass(eq=False)
 class Run:
-    """A run over a drive, complete once `mapping` is there.
+    """A run over a sequence, complete when `mapping` is set.
 
     Attributes:
-        source: Where the scans came from.
+        source: Source of the scans.
         config: The settings.
-        vertical_correction: Angle [rad] that every elevation was raised by.
-        timed: How many scans had points with times, and were deskewed.
-        sizes: Of the odometry's cells and thinning, from the settings or the first scan; None where poses are recorded.
-        mapping: Keyframes, loops and map, None while frames are still being added.
-        milliseconds: Of the stages behind the odometry (map, loops, back_end), a figure a keyframe or frame.
-        records: One a frame.
-        problems: What was wrong with the data.
+        vertical_correction: Angle [rad] that was added to every elevation.
+        timed: Number of scans whose points had times and were deskewed.
+        sizes: Cell and voxel sizes of the odometry, from the settings or the first scan; None with recorded poses.
+        mapping: Keyframes, loops and map, None while frames are added.
+        milliseconds: Run times of the mapper's stages (map, loops, back_end), one figure per keyframe or frame.
+        records: One record per frame.
+        problems: Problems in the data.
     """
 
     source: Source
@@ -111,27 +107,27 @@ class Run:
 
     @property
     def odometry_poses(self) -> Array:
-        """(N, 4, 4) T_world_lidar before loops, the first identity."""
+        """Poses (N, 4, 4) T_world_lidar before loop closure; the first is the identity."""
         return np.array([record.pose for record in self.records]).reshape(-1, 4, 4)
 
     @property
     def poses(self) -> Array:
-        """(N, 4, 4) T_world_lidar, loops closed; the first identity."""
+        """Poses (N, 4, 4) T_world_lidar after loop closure; the first is the identity."""
         return self.mapping.corrected(self.odometry_poses) if self.mapping else self.odometry_poses
 
     @property
     def map(self) -> PointCloud:
-        """Of the whole drive, in the world's frame."""
+        """Global map in the world frame."""
         return self.mapping.map if self.mapping else PointCloud(np.zeros((0, 3)), np.zeros(0))
 
     @property
     def stamps(self) -> Array:
-        """(N,) seconds."""
+        """Stamps (N,) [s]."""
         return np.array([record.stamp for record in self.records])
 
     @property
     def ground_truth(self) -> Array | None:
-        """(N, 4, 4) of the same frames, NaN where unknown, or None."""
+        """True poses (N, 4, 4) T_world_lidar of the same frames, NaN where unknown, or None."""
         return self.source.ground_truth
 
     def settle_truth(self) -> None:
@@ -158,14 +154,14 @@ class Run:
         return self.source.point_times.verdict(self.timed, frames)
 
     def counts(self) -> dict[str, int]:
-        """Frames by their status, and problems by their kind."""
+        """Count frames by status, and problems by kind."""
         statuses = Counter(record.status for record in self.records)
         kinds = Counter(problem.kind for problem in self.problems)
         known = {name: statuses[name] for name in ("registered", "retried", "degenerate", "failed")}
         return {"frames": len(self.records), **known, **{kind.replace(" ", "_"): n for kind, n in kinds.items()}}
 
     def notes(self) -> list[str]:
-        """What whoever reads the results should know, a sentence each."""
+        """Return notes for the reader of the results, one sentence each."""
         poses, found = self.odometry_poses, []
         for number, record in enumerate(self.records):
             if record.status == "degenerate":

@@ -20,8 +20,7 @@ def pin_to_one_core() -> None:
 
 
 def output_of(module: str, *words: str) -> str | None:
-    """What a module prints as a program of its own, whose threads are not limited; None where it fails (stderr says
-    why)."""
+    """Run a module in a process of its own without limit of its threads, and return its output; None if it fails."""
     free = {name: value for name, value in os.environ.items() if name not in ONE_THREAD}
     command = [sys.executable, "-m", module, *words]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False, env=free)

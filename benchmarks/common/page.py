@@ -86,12 +86,12 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], words: int = 1) 
 
 
 def verdict(value: float | None, relation: str, limit: float | None) -> str:
-    """met or missed; a dash where there is nothing to compare."""
+    """Return 'met' or 'missed', or a dash without a value or a limit."""
     if value is None or limit is None:
         return "-"
     return "met" if RELATIONS[relation](value, limit) else "missed"
 
 
 def target(name: str, value: float | None, relation: str, limit: float, digits: int) -> tuple[str, str, str, str]:
-    """What was aimed at, the figure, the limit, and whether it is met: a row of a table."""
+    """Return a row of a table: the target, the figure, the limit, and whether it is met."""
     return name, number(value, digits), f"{relation} {limit}", verdict(value, relation, limit)

@@ -18,7 +18,7 @@ from benchmarks.depth.tables import of_views
 from enrichment.methods.registry import LIFT, NETWORK_METHODS, make_methods, runnable
 from eval.depth.tables import PAPER, VIEWS
 from eval.text import number
-from lidarlift.depth_benchmark import report_of_drive
+from lidarlift.depth_benchmark import sequence_report
 from slam.data.dataset import open_dataset
 
 RAW, TRAINED_ON = "KITTI raw", "0013"  # the shipped networks have seen 0013
@@ -32,7 +32,7 @@ def main() -> None:
     pin_to_one_core()
     reports: dict[str, Any] = {}
     for data in map(open_dataset, options.datasets):
-        reports[data.name] = report_of_drive(
+        reports[data.name] = sequence_report(
             data, make_methods([name for name in runnable() if name != LIFT])
         ).as_dict()
     about = surroundings(("numpy", "opencv-python-headless", "onnxruntime"))
@@ -40,7 +40,7 @@ def main() -> None:
 
 
 def targets(reports: Mapping[str, Any]) -> Iterable[tuple[str, ...]]:
-    """What was aimed at, drive by drive: figure, limit, verdict."""
+    """Targets by drive: figure, limit, verdict."""
     for drive, report in reports.items():
         image, full = (
             {name: entry[view] for name, entry in without_about(report).items() if view in entry} for view in VIEWS
@@ -68,7 +68,7 @@ def _target(drive: str, name: str, value: float, limit: float) -> tuple[str, ...
 
 
 def networks(reports: Mapping[str, Any]) -> str:
-    """What there is to say of the paper's networks, if they ran."""
+    """A paragraph on the paper's networks, if they were measured."""
     ran = [name for name in NETWORK_METHODS if any(name in report for report in reports.values())]
     if not ran:
         return ""
@@ -76,8 +76,8 @@ def networks(reports: Mapping[str, Any]) -> str:
     lines = [(name, f"{sizes[name]:,}", *(str(PAPER[name][key]) for key in ("rmse_mm", "mae_mm"))) for name in ran]
     return f"""The paper's networks, l2l, li2l and f2l, were trained at half the resolution, in at most 3 hours each
 on one core of a CPU. 04 and 0005 are in no training; 0013 is, so that their rows there are no test. Their depths are
-put right by the returns above and below each ray. All around they take ray-segment's ranges outside of the image. The
-paper's own Table II, on other frames and after training on 1730:
+put right by the returns above and below each ray. For all returns they take ray-segment's ranges outside of the image.
+The paper's own Table II, on other frames and after training on 1730:
 
 {table(("network", "parameters here", "RMSE mm", "MAE mm"), lines)}
 """
@@ -93,8 +93,8 @@ def page(found: Mapping[str, Any]) -> str:
 
 * Every 4th ring from ring 0 is what a method sees; the returns of the other 48 are the answers, asked for on the
   calibrated line of their ring at the centre of their azimuth column, never in their own direction.
-* In the image: returns that the camera sees. All around: all of them. Figures are over the returns that a method
-  predicts (coverage); those that complete depth images predict nothing outside of the image.
+* Camera field of view: returns that the camera sees. All returns: all of them. Figures are over the returns that a
+  method predicts (coverage); those that complete depth images predict nothing outside of the image.
 * AUSE, "best 80 %" and "in sigma": does sigma tell the good from the bad, and is it true (68 %)? Sigma is scaled by
   rings held out of the sixteen themselves, as while driving.
 * nearest, ip-basic, delaunay, mrf: depth images completed without training. ray-segment: the rays meet the straight

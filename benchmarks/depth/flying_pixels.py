@@ -10,7 +10,7 @@ import open3d as o3d
 from benchmarks.common.simulated import scene
 from enrichment.enricher import Enricher
 from enrichment.geometry.held_out import past_of
-from enrichment.geometry.sparse_scan import Method, of_rings
+from enrichment.geometry.sparse_scan import Method, select_rings
 from slam.config import load_config
 from slam.data.cloud import HISTORY, Array, Frame, History, PointCloud
 from slam.data.sensor import load_sensor
@@ -26,8 +26,11 @@ MEASURED = "measured"
 
 
 def flying_pixels(methods: Mapping[str, Method]) -> dict[str, dict[str, float | None]]:
-    """By method, over FRAMES: how many trusted points it predicted, the share of them that is in the air, and that of
-    the surest. Of the measured points too: a few lie between two surfaces that a pulse met."""
+    """Count flying pixels by method, over FRAMES, and for the measured points, some of which are mixed returns.
+
+    Returns:
+        Number of trusted points, share of flying pixels among them, and among those with the smallest sigma.
+    """
     rig = Simulation(SimulationConfig(drive=TOWN)).rig
     distances: dict[tuple[str, float], list[Array]] = {}
     for frame, past in _frames():
@@ -61,7 +64,7 @@ def _enriched(frame: Frame, past: History, method: Method, coverage: float) -> P
     sparse = RingFrontEnd(load_config(input="16").front_end, sensor)
     lines, rings = sparse.lines()
     fill = Enricher(sparse, method, lines, rings, sensor, coverage)
-    return fill(frame, [(of_rings(cloud, rings), T_now_then) for cloud, T_now_then in past])
+    return fill(frame, [(select_rings(cloud, rings), T_now_then) for cloud, T_now_then in past])
 
 
 class _Surfaces:

@@ -1,4 +1,4 @@
-"""What the image adds to Lift: errors of networks that were trained with it and of others that never saw one."""
+"""Gain of Lift by the image: errors of networks that were trained with images and without."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from enrichment.geometry.held_out import HeldOut, hold_out, past_of
 from enrichment.geometry.rays import Prediction, RayGrid
 from enrichment.geometry.sparse_scan import Method, SparseScan
-from eval.depth.metrics import Answers
+from eval.depth.metrics import Predictions
 from slam.data.cloud import Array
 from slam.data.dataset import Dataset
 from slam.data.sensor import Sensor
@@ -38,7 +38,7 @@ def image_gain(
     """By kind of returns in the image, then with and without it: MAE [mm] by seed."""
     assert data.sensor is not None
     grid, positions = RayGrid(data.sensor), range(0, len(data), step)
-    kinds = {kind: Answers(len(positions)) for kind in (ALL, JUMPS, FAR)}
+    kinds = {kind: Predictions(len(positions)) for kind in (ALL, JUMPS, FAR)}
     for position in positions:
         held = hold_out(data[position], grid, past=past_of(data, position))
         if held.seen is None:
@@ -61,8 +61,7 @@ def image_gain(
 
 
 def at_jump(held: HeldOut, sensor: Sensor) -> Array:
-    """(M,) bool: whether the returns above and below each ray, on the kept rings, are far apart and not both on the
-    road, where rings are far apart too."""
+    """Select the rays (M,) bool at depth jumps: returns above and below are far apart, and not both on the road."""
     upper, points = held.scan.rows_above(sensor)[held.ring], held.scan.points
     above, below = points[upper, held.column], points[upper + 1, held.column]
     xyz = held.scan.cloud.xyz

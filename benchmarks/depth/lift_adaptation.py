@@ -20,7 +20,7 @@ from benchmarks.weights.lift_weights import lift_of
 from benchmarks.weights.trainings import learn, lidarlift
 from enrichment.geometry.sparse_scan import Method
 from enrichment.interpolation.ray_segment import RaySegment
-from lidarlift.depth_benchmark import report_of_drive
+from lidarlift.depth_benchmark import sequence_report
 from slam.data.dataset import open_dataset
 
 LIDARS = "vlp16", "hdl64"
@@ -43,7 +43,7 @@ def measured(folder: Path, lidar: str) -> dict[str, Any]:
     adapted = folder / "adapted"
     learn("lift", [learned], adapted, "--self-supervised", "--steps", STEPS, "--bf16")
     methods: dict[str, Method] = {"ray-segment": RaySegment(), "lift": lift_of(), "lift, adapted": lift_of(adapted)}
-    return report_of_drive(open_dataset(judged), methods, slice(None, None, EVERY)).as_dict()
+    return sequence_report(open_dataset(judged), methods, slice(None, None, EVERY)).as_dict()
 
 
 def tunnel(folder: Path, lidar: str, seed: int) -> Path:

@@ -29,7 +29,7 @@ from benchmarks.weights.lift_weights import held_out, lift_for, lift_of
 from enrichment.geometry.rays import Prediction, RayGrid
 from enrichment.geometry.sparse_scan import Method, SparseScan
 from enrichment.methods.registry import LIFT, make_methods
-from lidarlift.depth_benchmark import report_of_drive
+from lidarlift.depth_benchmark import sequence_report
 from slam.data.dataset import Dataset, open_dataset
 from slam.data.errors import InputError
 
@@ -86,10 +86,10 @@ def forgetful(method: Method) -> Method:
 
 
 def compared(data: Dataset, folders: Mapping[str, Path], step: int) -> dict[str, Any]:
-    """depth.json of Lift, with and without the scans before, beside the classical methods."""
+    """Measure depth.json of Lift, with and without earlier scans, and of the classical methods."""
     weights, lift = lift_for(data.name, folders)
     methods = {**make_methods(CLASSICAL), LIFT: lift, SINGLE: forgetful(lift)}
-    report = report_of_drive(data, methods, slice(None, None, step)).as_dict()
+    report = sequence_report(data, methods, slice(None, None, step)).as_dict()
     report["about"]["weights"] = weights
     return report
 

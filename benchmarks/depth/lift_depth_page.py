@@ -1,4 +1,4 @@
-"""The page lift_depth.md: targets and tables of what lift_depth.py found."""
+"""The page lift_depth.md: targets and tables from the results of lift_depth.py."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Aim = tuple[str, float, str, float, int]
 
 
 def targets(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """What was aimed at, the figure, the limit, and whether it is met."""
+    """Targets: name, figure, limit, and whether it is met."""
     aims: list[Aim] = []
     for report in found["drives"]:
         aims += _of_04(report) if report["about"]["dataset"].endswith("04") else _of_raw(report)

@@ -1,4 +1,4 @@
-"""What a scan costs with Lift: making the network's input, and running it."""
+"""Run time of Lift per scan: computing the network's input, and running the network."""
 
 from __future__ import annotations
 
@@ -21,8 +21,10 @@ INPUT, NETWORK, BOTH = "input", "network", "both"
 
 
 def timed(data: Dataset, lift: Method) -> dict[str, dict[str, list[float]]]:
-    """By view, then of input, network and both: median over SCANS of the milliseconds that a scan takes, in the median
-    of REPEATS and in the least of them, which other processes disturb less."""
+    """Measure milliseconds per scan by view, for input, network and both: the median over SCANS.
+
+    Each scan counts with the median of REPEATS and with their minimum, which other processes disturb less.
+    """
     assert data.sensor is not None
     grid, positions = RayGrid(data.sensor), np.linspace(HISTORY, len(data) - 1, SCANS).astype(int)
     parts: tuple[Callable[[SparseScan, RayGrid], object], ...] = (lift_input, lift)
@@ -42,7 +44,7 @@ def timed(data: Dataset, lift: Method) -> dict[str, dict[str, list[float]]]:
 
 
 def _milliseconds(seconds: Array) -> dict[str, list[float]]:
-    """Of seconds (2, SCANS, REPEATS) for the input and for all: those of input, network and both."""
+    """Times of input, network and both, from seconds (2, SCANS, REPEATS) of the input and of both."""
     found = np.stack([np.median(seconds, axis=2), seconds.min(axis=2)], axis=-1)
     parts = {INPUT: found[0], NETWORK: found[1] - found[0], BOTH: found[1]}
     return {name: (1e3 * np.median(of_part, axis=0)).tolist() for name, of_part in parts.items()}

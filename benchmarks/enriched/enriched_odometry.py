@@ -133,7 +133,7 @@ def gains(rows: Iterable[Row]) -> list[float]:
 
 
 def targets(rows: Sequence[Row]) -> list[tuple[str, str, str, str]]:
-    """What was aimed at, the figure, the limit, and whether it is met."""
+    """Targets: name, figure, limit, and whether it is met."""
     first, other, halved = (of_variant(rows, *variant) for variant in VARIANTS)
     twice = sum(gain >= 2 for gain in gains(first))
     off = {row.drive: row.to_64["enriched"] for row in first}

@@ -58,8 +58,15 @@ def main() -> None:
 
 
 def measured(data: Dataset, folders: Mapping[str, Path]) -> dict[str, Any]:
-    """Figures by input; distances to the 64-channel odometry in metres. `folders` with weights that have not seen a
-    drive, by the end of its name. Raises InputError where Lift has no weights."""
+    """Measure the odometry by input, with distances to the 64-channel odometry [m].
+
+    Args:
+        data: The drive.
+        folders: Folders of weights trained without a drive, by the end of its name.
+
+    Raises:
+        InputError: Lift has no weights.
+    """
     about, lift = lift_for(data.name, folders)
     frames, truth = [data[position] for position in range(len(data))], data.ground_truth
     known = truth if truth is not None and np.isfinite(truth).all() else None
@@ -89,7 +96,7 @@ def gains(rows: Sequence[Mapping[str, Any]], name: str) -> list[float]:
 
 
 def targets(rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str, str]]:
-    """What was aimed at, the figure, the limit, and whether it is met."""
+    """Targets: name, figure, limit, and whether it is met."""
     distances = [row["to_64"] for row in rows]
     nearer = sum(each[LIFT] < each[SEGMENT] for each in distances)
     times = geometric_mean([each[SEGMENT] / each[LIFT] for each in distances])

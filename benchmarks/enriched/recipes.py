@@ -1,4 +1,4 @@
-"""Fixed ways to register plain 16 channels: enriched input is held against the best of them, drive by drive.
+"""Fixed settings for registering plain 16 channels; enriched input is compared with the best of them on each drive.
 
 Written down before the enrichment was tuned, and not changed since.
 """

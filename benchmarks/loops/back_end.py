@@ -28,8 +28,8 @@ from eval.text import number
 from slam.data.cloud import Array
 from slam.graph.back_end import BackEnd
 from slam.graph.clusters import QUANTILES
-from slam.graph.judge import judge
 from slam.graph.ledger import LoopCandidate
+from slam.graph.loop_selection import select_loops
 from slam.graph.solver import gnc, optimised
 
 SHARES = (0.0, 0.1, 0.3, 0.5)
@@ -124,8 +124,8 @@ def _solve(case: Case, solver: Solver, queue: Any) -> None:
 
 
 def _ours(case: Case) -> tuple[Array, Array | None]:
-    verdict = judge(case.odometry, case.loops, case.start)
-    return verdict.poses, verdict.accepted
+    selection = select_loops(case.odometry, case.loops, case.start)
+    return selection.poses, selection.accepted
 
 
 def _gnc(case: Case) -> tuple[Array, Array | None]:
@@ -182,7 +182,7 @@ def page(found: Mapping[str, Any]) -> str:
         + ".\n",
         f"```\n{about['command']}\n```\n",
         EXPLAINED,
-        table(("target", "figure", "limit", "verdict"), targets(found)),
+        table(("target", "figure", "limit", "selection"), targets(found)),
         "",
         table(HEADER, [_cells(Row(**row)) for row in found["rows"]], words=3),
         "\nUpdate by update, as while driving, false loops included; median / 95th percentile:\n",
@@ -198,7 +198,7 @@ def page(found: Mapping[str, Any]) -> str:
 
 
 def targets(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """What was aimed at, the worst figure of all runs of ours, the limit, and whether it is met."""
+    """Targets: name, worst figure of all runs of our back end, limit, and whether it is met."""
     ours = [row for row in found["rows"] if row["solver"] == "ours"]
     lost = max(row["true_lost"] / found["loops"][row["graph"]] for row in ours)
     off = max(row["error"] / EXTENTS[row["graph"]] for row in ours if row["graph"] in EXTENTS)
@@ -218,9 +218,9 @@ def targets(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
 
 
 EXPLAINED = f"""\
-* `ours`: slam.graph.judge.judge, from odometry to the solved full graph. `gnc`: GTSAM's GNC-TLS on the whole graph,
-  odometry as known inliers. `lm`, `huber`: Levenberg-Marquardt, without a kernel and with Huber's ({HUBER}) on
-  loops; both keep every loop. A plain solver is stopped after {LIMIT:.0f} s. One core, seconds of processor time.
+* `ours`: slam.graph.loop_selection.select_loops, from odometry to the solved full graph. `gnc`: GTSAM's GNC-TLS on the
+  full graph, odometry as known inliers. `lm`, `huber`: Levenberg-Marquardt, without a kernel and with Huber's ({HUBER})
+  on loops; both keep every loop. A plain solver is stopped after {LIMIT:.0f} s. One core, seconds of processor time.
 * A false loop joins two random poses by the relative pose of a random true loop, more than 3 m off. In fives: runs of
   five that agree with each other through the odometry, as a wrong place seen on five frames. Clusters' reach and the
   threshold's margin were chosen on these graphs at seed 0. That the truncated cost decides in the end was added for

@@ -1,4 +1,4 @@
-"""Verification of loop candidates on drives with real revisits: true ones, wrong ones, and what is accepted of each.
+"""Verification of loop candidates on drives with real revisits: acceptance of true and of false candidates.
 
     python -m benchmarks.loops.loop_verification FOLDER/kitti_00_keyframes FOLDER/nclt_20130110
 
@@ -64,8 +64,8 @@ def main() -> None:
 def _candidates(drive: RecordedKeyframes, rng: np.random.Generator) -> Iterator[Candidate]:
     """Every revisit, then wrong ones: alike by scan context, 10 to 40 m further on the same street, at random."""
     distances, way = drive.distances(), drive.travelled
-    older = way[:, None] - way >= DEFAULT.min_travelled
-    for query in np.flatnonzero(drive.revisits(DEFAULT.min_travelled)):
+    older = way[:, None] - way >= DEFAULT.min_travelled_distance
+    for query in np.flatnonzero(drive.revisits(DEFAULT.min_travelled_distance)):
         match = int(np.where(older[query], distances[query], np.inf).argmin())
         yield "revisits", int(query), match, _disturbed(drive, int(query), match, rng)
     yield from _alike(drive, distances)
@@ -77,7 +77,7 @@ def _candidates(drive: RecordedKeyframes, rng: np.random.Generator) -> Iterator[
 
 
 def _alike(drive: RecordedKeyframes, distances: Array) -> Iterator[Candidate]:
-    """Of the first 8 candidates of every second keyframe, the 350 most alike among those that are elsewhere."""
+    """The 350 most similar false candidates among the first 8 candidates of every second keyframe."""
     places, found, way = ScanContext(), [], drive.travelled
     for k in range(len(drive.clouds)):
         until = slice(0, k + 1)

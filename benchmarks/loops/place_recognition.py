@@ -82,8 +82,9 @@ def page(found: Mapping[str, Any]) -> str:
         "# Place recognition\n",
         f"Scan context alone, before any geometric verification. {about['cpu']}, one core, {about['date']}: "
         f"`{about['command']}`. A revisit is a keyframe that comes within 4 m (KITTI) or 5 m (NCLT) of one at least "
-        f"{DEFAULT.min_travelled:.0f} m of way earlier; recall counts the revisits that have such a place among their "
-        f"first 1, 5 or 10 candidates. Near: the first candidate lies within {FAR:.0f} m. The other recalls accept "
+        f"{DEFAULT.min_travelled_distance:.0f} m of travelled distance earlier; recall counts the revisits with such a "
+        f"place among their first 1, 5 or 10 candidates. Near: the first candidate lies within {FAR:.0f} m. The other "
+        "recalls accept "
         "first candidates below a threshold on the distance, asked of all keyframes, and take the largest threshold at "
         f"which all of them are right (P100), none is more than {FAR:.0f} m away (without far), 95 % are right (P95). "
         "The clouds carry no rings: every fourth band of 0.43 deg of elevation stands in for 16 channels. Submaps are "

@@ -36,9 +36,9 @@ class RecordedKeyframes:
         """Distance travelled by the odometry, (N,) [m]."""
         return np.r_[0, np.cumsum(np.linalg.norm(np.diff(self.odometry[:, :3, 3], axis=0), axis=1))]
 
-    def revisits(self, min_travelled: float) -> Array:
+    def revisits(self, min_travelled_distance: float) -> Array:
         """(N,) bool."""
-        older = self.travelled[:, None] - self.travelled >= min_travelled
+        older = self.travelled[:, None] - self.travelled >= min_travelled_distance
         return np.asarray((older & (self.distances() < self.radius)).any(axis=1))
 
     def distances(self) -> Array:
@@ -94,7 +94,8 @@ def recognise(
     last = np.median(milliseconds[-200:], axis=0)
     frames = drive.reference if raw else np.array([levelled(pose) for pose in drive.reference])
     times = dict(zip(("submap_ms", "query_ms", "add_ms"), last.tolist(), strict=True))
-    return _figures(found, drive.distances(), drive.radius, drive.revisits(settings.min_travelled), frames) | times
+    revisits = drive.revisits(settings.min_travelled_distance)
+    return _figures(found, drive.distances(), drive.radius, revisits, frames) | times
 
 
 def _figures(found: list[list[Candidate]], distances: Array, radius: float, revisit: Array, frames: Array) -> Figures:
@@ -141,8 +142,12 @@ def _yaw_error(frames: Array, query: int, candidate: Candidate) -> float:
 
 
 def cost(clouds: Sequence[Array], settings: ScanContextSettings, counts: Sequence[int]) -> Figures:
-    """Among `counts` places, made of halves of the clouds: median time of a query and of an addition, and the
-    share of places visited again that the exhaustive search puts first, and that the preselected one does."""
+    """Measure scan context with `counts` places, composed of halves of the clouds.
+
+    Returns:
+        Median time of a query and of an insertion, and the recall of revisited places by the exhaustive search and by
+        the preselected one.
+    """
     places, result = ScanContext(settings), {}
     for count in counts:
         milliseconds = []
@@ -161,9 +166,9 @@ def cost(clouds: Sequence[Array], settings: ScanContextSettings, counts: Sequenc
 
 
 def _recall(places: ScanContext, clouds: Sequence[Array]) -> Figures:
-    """Of TIMED places, seen again from near by with half of their points: found first, by either search."""
+    """Share of TIMED places, revisited nearby with half of their points, that each search ranks first."""
     rng, found = np.random.default_rng(0), {"recall": 0.0, "recall_exhaustive": 0.0}
-    end = float(len(places)) + places.settings.min_travelled
+    end = float(len(places)) + places.settings.min_travelled_distance
     for place in rng.choice(len(places), TIMED, replace=False):
         xyz = _seen_again(rng, _patched(int(place), clouds))
         for name, exhaustive in (("recall", False), ("recall_exhaustive", True)):

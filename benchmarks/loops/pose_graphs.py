@@ -15,7 +15,7 @@ from slam.data import se3
 from slam.data.cloud import Array
 from slam.data.pose_files import read_poses
 from slam.graph.g2o import read_g2o
-from slam.graph.judge import judge
+from slam.graph.loop_selection import select_loops
 from slam.graph.pose_graph import Edge, odometry_poses
 from slam.graph.solver import squared_distances
 
@@ -42,20 +42,23 @@ class Case:
         return odometry_poses(self.odometry, np.eye(4))
 
     def error(self, poses: Array) -> float:
-        """rms distance to the optimum where that is the reference; aligned ATE to the ground truth otherwise [m]."""
+        """Return the RMS distance to the optimum if that is the reference, else the aligned ATE to ground truth [m]."""
         if self.optimum is None:
             return ate(poses, self.reference).rmse
         return float(np.sqrt(np.mean(np.sum((poses - self.reference)[:, :3, 3] ** 2, axis=1))))
 
     def clean_error(self) -> tuple[float, float]:
         """Error of the clean graph by our back end, and by GTSAM's Levenberg-Marquardt from its chordal start."""
-        poses = judge(self.odometry, self.loops, self.start).poses
+        poses = select_loops(self.odometry, self.loops, self.start).poses
         assert self.optimum is not None
         return float(squared_distances([*self.odometry, *self.loops], poses).sum()) / 2, self.optimum
 
     def with_false(self, share: float, seed: int, group: int = 1) -> Case:
-        """With false loops, `share` of the true ones' number: random places joined by a true loop's relative pose, more
-        than WRONG off; each followed by `group` - 1 more that agree with it through the odometry."""
+        """Add false loops, `share` times as many as true ones.
+
+        A false loop joins random places by the relative pose of a true loop, with an error above WRONG; it is followed
+        by `group` - 1 more that agree with it through the odometry.
+        """
         rng, false = np.random.default_rng(seed), list[Edge]()
         last, poses = len(self.reference) - group, self.start
         while len(false) < round(share * len(self.loops)):

@@ -1,4 +1,4 @@
-"""Loops on real clouds that come with poses: KITTI 00 and NCLT 2013-01-10, through the pipeline's own loop closing.
+"""Loop closure on recorded clouds with poses: KITTI 00 and NCLT 2013-01-10, by the loop closing of the pipeline.
 
     python -m benchmarks.loops.recorded_loops DATA
 
@@ -59,7 +59,7 @@ class Recording:
         return revisits(reference, self._since(reference), self.near, self.ago)
 
     def nearest_earlier(self, reference: Array, cloud: int) -> int:
-        """Of the places that may be revisited, the one nearest to the cloud's."""
+        """Return the place nearest to that of the cloud, among those that may be revisited."""
         since = self._since(reference)
         away = np.linalg.norm((reference - reference[cloud])[:, :3, 3], axis=1)
         return int(np.where(since[cloud] - since > self.ago, away, np.inf).argmin())

@@ -1,4 +1,4 @@
-"""Drives that come back to where they were: which places are revisits, and what a run made of them."""
+"""Revisits of drives, and how a run detected them."""
 
 from __future__ import annotations
 
@@ -133,8 +133,12 @@ def detection(ledger: Sequence[LoopRecord], places: Array, asked: Sequence[int],
 
 
 def draw_detection(panels: Mapping[str, Mapping[str, dict[str, Any]]], path: Path) -> None:
-    """Precision over recall as a PNG, a panel a drive: a line for the candidates alone of each of its runs, and a dot
-    for the loops after verification. `panels`: [drive][run], figures as of `loop_figures`."""
+    """Draw precision over recall, one panel per drive: a line for the candidates of each run, a dot for its loops.
+
+    Args:
+        panels: [drive][run], figures of `loop_figures`.
+        path: The PNG to write.
+    """
     figure = Figure(figsize=(4.2 * len(panels), 4.2), layout="constrained")
     for axes, (drive, runs) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True):
         _panel(axes, drive, runs)

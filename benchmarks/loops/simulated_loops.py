@@ -1,4 +1,4 @@
-"""Loops on simulated drives, with exact truth: ATE before and after, revisits found, loops that are wrong.
+"""Loop closure on simulated drives with exact ground truth: ATE before and after, revisits found, false loops.
 
     python -m benchmarks.loops.simulated_loops TRAJECTORIES
 
@@ -134,7 +134,7 @@ with the loops put where the truth has them.
 
 
 def targets(rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str, str]]:
-    """What was aimed at, the worst figure of all drives, the limit, and whether it is met."""
+    """Targets: name, worst figure of all drives, limit, and whether it is met."""
     lines = []
     for channels in INPUTS:
         some = [row for row in rows if row["channels"] == channels]

@@ -142,7 +142,7 @@ def _distance_to_what_stands(path: Path) -> Callable[[Array], Array] | None:
     known = {field.name: content[field.name] for field in fields(SimulationConfig) if field.name in content}
     simulation = Simulation(SimulationConfig(**known))
     if not simulation.matches(path):
-        raise InputError(f"{path}: simulated by other code than this; write it anew with lidarlift simulate")
+        raise InputError(f"{path}: simulated by another version; simulate it again with lidarlift simulate")
     town = simulation.rig.scene.around(simulation.drive.position[:, :2].mean(axis=0), 1000.0)
     centre, T = np.round(town.vertices.mean(axis=0)), simulation.rig.poses[0]
     scene = o3d.t.geometry.RaycastingScene()

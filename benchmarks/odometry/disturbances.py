@@ -1,4 +1,4 @@
-"""What is done to a drive to see whether the odometry bears it: clocks that jump, frames left out, stops, sizes."""
+"""Disturbances of a drive for robustness tests of the odometry: clock jumps, missing frames, stops, other sizes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STOPS, REPEATS = (0.25, 0.5, 0.75), 30  # where stops are added, as shares of th
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """Which frames of a drive come, and when: positions (N,) in the data set, stamps (N,) [s]."""
+    """Selected frames of a drive and their stamps: positions (N,) in the data set, stamps (N,) [s]."""
 
     positions: Array
     stamps: Array

@@ -71,7 +71,7 @@ class Case:
         return own_run(self.drive.data, schedule.frames(self.drive.data), self.input, overrides)
 
     def error(self, poses: Array, index: Array | slice = slice(None)) -> float | None:
-        """Of poses (M, 4, 4) of the frames that an index picks: ATE [m] to the reference."""
+        """Compute the ATE [m] of poses (M, 4, 4) of the frames selected by an index."""
         return None if self.reference is None else distance(poses, self.reference[index])
 
 
@@ -107,7 +107,7 @@ def clock(case: Case) -> list[Row]:
 
 
 def thinned(case: Case) -> list[Row]:
-    """Every so many-th frame, beside the reference among the peers."""
+    """Measure every n-th frame, and the reference among the peers."""
     rows = []
     ours = next(iter(OURS))
     data = case.drive.data
@@ -184,7 +184,7 @@ def _told(run: OwnRun) -> Row:
 
 
 def _reference(drive: ChosenDrive, frames: str) -> Array | None:
-    """What errors of a drive are against: the exact truth, else a dense trajectory, None where that fails."""
+    """Return the reference of a drive: exact ground truth, or else a dense trajectory, None if that fails."""
     if drive.simulated:
         return drive.exact_truth
     dense = dense_trajectory(drive.data.path, frames)

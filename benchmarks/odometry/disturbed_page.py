@@ -56,7 +56,7 @@ def page(found: Mapping[str, Any]) -> str:
 
 
 def targets(found: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
-    """What was aimed at, the worst figure, the limit, in how many of the cases it is met, and whether in all."""
+    """Targets: name, worst figure, limit, number of cases in which it is met, and whether it is met in all."""
     goals: tuple[tuple[str, str, Callable[[Row], float | None], str, float], ...] = (
         ("from the undisturbed run where the clock jumps [m]", "clock", lambda row: row["apart_m"], "<=", CLOCK),
         ("error by KISS-ICP's, every 2nd and 3rd frame", "thinned", _times, "<=", 1.0),

@@ -1,4 +1,4 @@
-"""Figures of runs: how fast, how true, how far from the dense trajectory."""
+"""Figures of runs: speed, accuracy, distance to the dense trajectory."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _counted(runs: Sequence[Run]) -> Array:
 
 
 def _accuracy(trajectories: Sequence[Array], truth: Array | None, dense: Array | None) -> Figures:
-    """Of the first repeat; `repeats_differ_m` is how far apart positions of the repeats lie at most."""
+    """Figures of the first repeat; `repeats_differ_m` is the largest distance between positions of the repeats."""
     first = trajectories[0]
     positions = np.array([poses[:, :3, 3] for poses in trajectories])
     result: Figures = {

@@ -46,7 +46,7 @@ def main() -> None:
 
 
 def _memory(path: Path, frames: str) -> Memory:
-    """Of each system, in a process of its own; empty where that failed (stderr says why)."""
+    """Memory of each system, in a process of its own; empty if it failed (stderr says why)."""
     print(f"{path.name}: memory", file=sys.stderr)
     printed = {name: output_of("benchmarks.odometry.memory", name, str(path), f"--frames={frames}") for name in SYSTEMS}
     return {name: json.loads(text) if text else {} for name, text in printed.items()}

@@ -60,7 +60,7 @@ def targets(results: Results) -> list[tuple[str, ...]]:
 
 
 def _goals(drive: str, systems: Results) -> Iterator[tuple[str, float | None, str, float | None, int]]:
-    """What was aimed at: its name, what came out, how that has to be to the limit, and decimals."""
+    """Targets: name, figure, relation, limit, and decimals."""
     ours, kiss = systems["ndt"], systems[REFERENCE]
     if drive.endswith("0013"):
         yield "times KISS-ICP's speed, 64 channels", ours["64"].get("ratio_to_kiss"), "≥", 5.0, 2

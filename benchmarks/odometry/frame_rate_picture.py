@@ -1,4 +1,4 @@
-"""The README's picture: milliseconds a frame against distance to the dense trajectory, a panel a drive."""
+"""The README's figure: milliseconds per frame against distance to the dense trajectory, one panel per drive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What of a drive's scans the systems get: as recorded, sixteen rings, or these filled in by a method."""
+"""Inputs of the systems: scans as recorded, 16 rings, or 16 rings enriched by a method."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def channels(name: str, data: Dataset) -> str:
 
 
 def front_end(name: str, data: Dataset) -> FrontEnd:
-    """What makes the input of a drive's frames."""
+    """Return the front end that computes an input from the frames of a drive."""
     if channels(name, data) == "enriched":
         return front_end_for(load_config(input="enriched", enricher=name).front_end, data.sensor, data.path)
     return RingFrontEnd(load_config().front_end, data.sensor) if name == FULL else EvenRings(data)

@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def _peak_mb() -> float:
-    """Of this program [MB]. Not getrusage's ru_maxrss: that starts at the peak of the process that called this one."""
+    """Return the peak memory of this process [MB]; getrusage's ru_maxrss would start at the peak of its parent."""
     status = Path("/proc/self/status").read_text(encoding="ascii")
     kilobytes = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
     return int(kilobytes) * 1024 / 1e6

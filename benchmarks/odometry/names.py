@@ -1,4 +1,4 @@
-"""Which systems are compared, and on how many channels."""
+"""Names of the systems that are compared, and numbers of channels."""
 
 REFERENCE = "kiss-icp"  # what the others are held against
 OURS = {"ndt": None, "ndt-scan-to-scan": "scan-to-scan"}  # with their presets

@@ -18,8 +18,9 @@ def motion_errors(poses: Array, truth: Array) -> Array:
 
 
 def nees(poses: Array, covariances: Array, truth: Array) -> float:
-    """Mean, per degree of freedom (Bar-Shalom et al., Estimation with Applications to Tracking and Navigation, 5.4.2):
-    1 where covariances are true.
+    """Compute the mean NEES per degree of freedom, 1 for consistent covariances.
+
+    Bar-Shalom et al., Estimation with Applications to Tracking and Navigation, 5.4.2.
 
     Args:
         poses: (N, 4, 4).

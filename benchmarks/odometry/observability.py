@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def entry(drive: ChosenDrive, name: str) -> dict[str, Any]:
-    """What the JSON has of a drive and an input; only `reason` where the drive does not have it."""
+    """Measure the entry of a drive and an input for the JSON; only `reason` if the drive does not have this input."""
     reason = inputs.why_not(name, drive.data)
     if reason:
         return {"reason": reason}
@@ -71,7 +71,7 @@ def what_holds(drive: Drive | None, numbers: Array, reach: float) -> Array:
 
 
 def figures(run: OwnRun, truth: Array, kinds: Array) -> dict[str, Any]:
-    """Of a run: what it said by kind of frame, which directions it named, whether its covariances are true."""
+    """Figures of a run: status by kind of frame, reported directions, consistency of its covariances."""
     wrong = abs(errors_ahead(run.poses, truth)) > OFF
     told = np.isin(run.statuses, ("degenerate", "failed"))
     angles = named_angles(run, directions(truth), kinds != ELSEWHERE)

@@ -66,7 +66,7 @@ NEES
 
 
 def targets(results: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """What was aimed at, the figure, the limit, and whether it is met."""
+    """Targets: name, figure, limit, and whether it is met."""
     cases = list(_cases(results))
     aims: list[tuple[str, float | None, str, float, int]] = []
     for drive, name, entry in cases:

@@ -1,4 +1,4 @@
-"""Our odometry alone over a drive, and all that it says of it."""
+"""Run of our odometry over a drive, with all its outputs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class OwnRun:
-    """What the odometry said of N frames: see `OdometryStep`.
+    """Output of the odometry for N frames, see `OdometryStep`.
 
     poses        (N, 4, 4)
     covariances  (N, 6, 6)
@@ -37,7 +37,7 @@ class OwnRun:
     unobserved: list[Array]
 
     def share(self, status: str, of: Array) -> float | None:
-        """Of the frames in a mask (N,), those with that status; None of none."""
+        """Return the share of the frames in a mask (N,) with a status; None for no frames."""
         return float((self.statuses[of] == status).mean()) if of.any() else None
 
 

@@ -1,4 +1,4 @@
-"""Where along the way a trajectory goes wrong: how far ahead it ends, where it errs most, what it knows of it."""
+"""Errors along a path: error at its end in the direction of travel, frame of the largest error, reported errors."""
 
 from __future__ import annotations
 
@@ -59,8 +59,11 @@ def errors_ahead(estimate: Array, truth: Array) -> Array:
 
 
 def directions(truth: Array) -> Array:
-    """(N, 3) unit vectors, in the sensor's axes, of where it moves: from the frame before to the one after, or to the
-    nearest ones that are ENOUGH apart. NaN where it never goes so far."""
+    """Compute the directions of motion (N, 3), unit vectors in the sensor frame.
+
+    They are from the frame before to the one after, or between the nearest frames that are ENOUGH apart; NaN if there
+    are none.
+    """
     found = np.full((len(truth), 3), np.nan)
     for frame, pose in enumerate(truth):
         reach = np.linalg.norm(truth[:, :3, 3] - pose[:3, 3], axis=1) >= ENOUGH / 2

@@ -1,4 +1,4 @@
-"""Odometry beside its peers on any drives and inputs: where it ends, in which frame it errs most, how long it takes.
+"""Odometry compared with its peers on any drives and inputs: error at the end, frame of the largest error, run time.
 
     python -m benchmarks.odometry.scenes DRIVE [DRIVE ...] --inputs full 16 ray-segment lift
 
@@ -93,7 +93,7 @@ def before(path: Path) -> dict[str, Any]:
 
 
 def facts(drive: ChosenDrive) -> dict[str, Any]:
-    """What is driven, for the report."""
+    """Facts about a drive for the report."""
     data, truth = drive.data, drive.truth
     known = None if truth is None else truth[np.isfinite(truth[:, 0, 0])]
     return {
@@ -113,7 +113,7 @@ def entry(
     measure: Sequence[str] = IN_SCENES,
     kept: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """What the JSON has of a drive and an input; only `reason` where the drive does not have it.
+    """Measure the entry of a drive and an input for the JSON; only `reason` if the drive does not have this input.
 
     dense    (N, 4, 4) of the dense yardstick, or None
     measure  the systems; the others' figures are those of `kept`, the same entry of an earlier run
@@ -139,8 +139,11 @@ def entry(
 
 
 def along(run: Run, truth: Array | None, numbers: Array) -> dict[str, Any]:
-    """Where along the way it errs; `worst_frame` is the number of that frame's file, `untold` what is left of the error
-    where frames that it called degenerate or lost are set right."""
+    """Compute errors along the path.
+
+    `worst_frame` is the number of a frame's file; `untold` are the errors without those of frames that the odometry
+    reported as degenerate or failed.
+    """
     nothing: dict[str, Any] = {"along_track_m": None, "worst_m": None, "worst_frame": None, "untold": None}
     if run.error or truth is None:
         return nothing
@@ -163,8 +166,10 @@ Measured = tuple[dict[str, Run], list[float]]  # by system, and milliseconds of 
 
 
 def in_own_process(measure: Callable[..., Measured], *case: Any, systems: Sequence[str] = IN_SCENES) -> Measured:
-    """`measure` of a case and systems, in a process of its own. Where that breaks down, each system is alone in one:
-    the others' figures stay, and those that broke it have an error."""
+    """Run `measure` for a case and systems in a process of its own.
+
+    If the process crashes, each system is run in its own process, and those that crash get an error.
+    """
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), pin_to_one_core) as worker:
         try:
             return worker.submit(measure, *case, systems).result()
@@ -194,7 +199,7 @@ def _arguments() -> argparse.Namespace:
     add_drives(arguments)
     inputs.add_inputs(arguments, inputs.DEFAULT)
     arguments.add_argument("--before", type=Path, default=RESULTS / "scenes_before.json", metavar="JSON",
-                           help="scenes.json of an earlier run, whose ATE stands beside ours")  # fmt: skip
+                           help="scenes.json of an earlier run, whose ATE is shown next to ours")  # fmt: skip
     arguments.add_argument("--systems", nargs="+", choices=IN_SCENES, default=list(IN_SCENES), metavar="SYSTEM",
                            help="some of %(choices)s; the others keep the figures that they have")  # fmt: skip
     add_results(arguments)

@@ -75,7 +75,7 @@ def ranking(systems: Mapping[str, Any], figure: str = "ate_m") -> list[tuple[str
 
 
 def where_we_lose(results: Results) -> list[str]:
-    """What others do better, drive by drive and input by input: a lower ATE than our default's, or less time."""
+    """Cases in which other systems are better, by drive and input: a lower ATE than our default's, or less time."""
     lines = []
     for drive, name, systems in _measured(results):
         ours = systems[DEFAULT]
@@ -93,8 +93,10 @@ def where_we_lose(results: Results) -> list[str]:
 
 
 def wrong_without_knowing(results: Results, facts: Mapping[str, Any]) -> list[str]:
-    """Where the path of one of ours, or its end along the way, is off by more than OFF, and how many of its frames it
-    called registered. What it told to be unsure does not count, see `corrected`."""
+    """List unreported errors of our odometry: path length or end position off by more than OFF, with registered frames.
+
+    Errors in frames that it reported as uncertain do not count, see `corrected`.
+    """
     lines = []
     for drive, name, systems in _measured(results):
         true = facts[drive]["truth_path_length_m"]
@@ -126,7 +128,7 @@ def _measured(results: Results) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
 
 
 def _nearest(results: Results, about: Mapping[str, Any]) -> str:
-    """By ATE; beside ours that of an earlier run on as many frames, where its figures are known."""
+    """Table by ATE, with that of an earlier run of ours on the same number of frames, if it is known."""
     header: tuple[str, ...] = ("drive", "input", "nearest", "ATE m", f"{DEFAULT} m", "times", "rank")
     if "before" not in about:
         return table(header, _ranks(results, "ate_m"), words=3)

@@ -17,8 +17,10 @@ from slam.settings import Config, OdometrySettings
 
 
 class System(Protocol):
-    """An odometry from constant velocity; `status` of the last scan and the steps before it that it has `revised` as in
-    `OdometryStep`, None and none of peers."""
+    """An odometry with a constant-velocity prediction.
+
+    `status` of the last scan and the earlier steps `revised` by it are as in `OdometryStep`; None and none for peers.
+    """
 
     @property
     def status(self) -> str | None: ...
@@ -79,5 +81,5 @@ def our_odometry(settings: OdometrySettings, dataset: Dataset) -> MidSweepOdomet
 
 
 def vertical_correction(dataset: Dataset) -> float:
-    """Of the data set's sensor [rad]."""
+    """Vertical correction of the data set's sensor [rad]."""
     return dataset.sensor.vertical_correction if dataset.sensor else 0.0

@@ -76,7 +76,7 @@ def _looks(drives: list[Results]) -> list[tuple[str, ...]]:
     spans = [f"{near:g}-{far:g} m" if np.isfinite(far) else f"> {near:g} m" for near, far in pairwise(RANGES)]
     return [
         row("scans", lambda drive: str(drive["scans"])),
-        row("points a scan", lambda drive: f"{drive['points']:.0f}"),
+        row("points per scan", lambda drive: f"{drive['points']:.0f}"),
         row("5 % and 95 %", lambda drive: "{:.0f}-{:.0f}".format(*drive["points_5_95"])),
         *(row(f"at {span} [%]", share(i)) for i, span in enumerate(spans)),
         *(row(f"returns of rings {first}-{first + RINGS - 1}", mean("ring_points", first)) for first in groups),

@@ -27,7 +27,7 @@ Figures = dict[str, Any]
 def scan_figures(dataset: Dataset, scans: int) -> Figures:
     """Means over `scans` scans, evenly spread over the drive; scans without rings are left out."""
     if dataset.sensor is None:
-        raise InputError(f"{dataset.path}: which LiDAR was it? Say so in a sensor.yaml beside the scans")
+        raise InputError(f"{dataset.path}: the sensor model is unknown; add a sensor.yaml to the folder")
     positions = np.unique(np.linspace(0, len(dataset) - 1, scans).astype(int))
     clouds = ((int(position), dataset[int(position)].cloud) for position in positions)
     found = [_of_scan(dataset, dataset.sensor, *entry) for entry in clouds if entry[1].ring is not None]
@@ -94,7 +94,7 @@ def _planes(xyz: Array) -> Figures:
 
 
 def _ground_share(xyz: Array) -> float:
-    """Of points near the plane that fits the ground around the car best."""
+    """Figures of the points near the plane that best fits the ground around the car."""
     rho = np.hypot(xyz[:, 0], xyz[:, 1])
     around = xyz[(rho > 3) & (rho < 30)].astype(float)
     low = np.percentile(around[:, 2], 20)
@@ -120,8 +120,7 @@ def _spacing(xyz: Array, reach: Array) -> Array:
 
 
 def _edges(cloud: PointCloud, sensor: Sensor) -> Figures:
-    """Jumps of the range along the rings, in number a ring and as a share of all points; and the share of points that
-    hang between two surfaces."""
+    """Range jumps along the rings, per ring and as a share of all points; share of points between two surfaces."""
     assert cloud.ring is not None
     rho = np.hypot(cloud.xyz[:, 0], cloud.xyz[:, 1])
     turn = np.diff(np.arctan2(cloud.xyz[:, 1], cloud.xyz[:, 0]))

@@ -1,4 +1,4 @@
-"""How fast two versions of the simulator write a drive, and whether they write the same bytes.
+"""Speed of two versions of the simulator, and whether they write the same bytes.
 
     python -m benchmarks.simulation.simulator_speed OLD/bin/lidarlift NEW/bin/lidarlift
 

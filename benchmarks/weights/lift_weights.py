@@ -1,4 +1,4 @@
-"""The weights of Lift that a drive is measured with: none that have seen it, where there are such."""
+"""Weights of Lift for measuring on a drive: weights trained without it, if there are any."""
 
 from __future__ import annotations
 
@@ -24,8 +24,10 @@ def held_out(text: str) -> tuple[str, Path]:
 
 
 def weights_for(drive: str, folders: Mapping[str, Path]) -> tuple[str, Traversable]:
-    """What there is to say of the weights for this drive, and their folder: one of `folders`, those of trainings
-    without a drive, by the end of its name, else the shipped ones."""
+    """Return a description of the weights for a drive, and their folder.
+
+    `folders` are those of trainings without a drive, by the end of its name; the shipped weights are used otherwise.
+    """
     for ending, folder in folders.items():
         if drive.endswith(ending):
             return "without this drive", folder
@@ -33,7 +35,7 @@ def weights_for(drive: str, folders: Mapping[str, Path]) -> tuple[str, Traversab
 
 
 def lift_for(drive: str, folders: Mapping[str, Path]) -> tuple[str, LiftMethod]:
-    """What there is to say of the weights for this drive, and Lift with them."""
+    """Return a description of the weights for a drive, and Lift with them."""
     about, folder = weights_for(drive, folders)
     return about, lift_of(folder)
 

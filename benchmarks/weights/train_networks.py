@@ -37,8 +37,7 @@ TESTS = "KITTI odometry 04", "KITTI raw 2011_09_26_drive_0005"
 
 @dataclass(frozen=True)
 class Size:
-    """How large a training is: scale of the images, a part of the command, and for each network, stage by stage, steps
-    and learning rate."""
+    """Size of a training: scale of the images, options, and steps and learning rate by network and stage."""
 
     scale: float
     options: tuple[str, ...]

@@ -1,1 +1,1 @@
-"""The geometry of sparse scans: virtual rays, rings held out, the image seen along rays, and the loops over them."""
+"""Geometry of sparse scans: virtual rays, held-out rings, projection of rays into the image, and kernels."""

@@ -1,4 +1,4 @@
-"""What a method is examined on: some rings of a recorded scan are its input, the returns of the others the answers."""
+"""Held-out rings: some rings of a recorded scan are the input of a method, the returns of the others the reference."""
 
 from __future__ import annotations
 
@@ -18,11 +18,14 @@ from slam.data.sensor import Sensor
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """A sparse scan, and M returns of the rings that it lacks, each with the ray that it is asked for on.
+    """A sparse scan, and the M returns of the held-out rings.
 
-    ring, column  (M,) the ray: the line of the return's ring at the centre of its azimuth column
-    ranges        (M,) float32, metres: how far along the ray the return is (`RayGrid.range_of`)
-    seen          (M,) bool: the camera sees the return, in the scan with all its rings; None without an image
+    Attributes:
+        scan: The sparse scan.
+        ring: (M,) ring index of each return; its ray is on the line of this ring.
+        column: (M,) azimuth column of each return; its ray is at the centre of this column.
+        ranges: (M,) float32, range of each return along the ray [m] (`RayGrid.range_of`).
+        seen: (M,) bool, whether the camera sees the return, judged with all rings of the scan; None without an image.
     """
 
     scan: SparseScan
@@ -32,13 +35,13 @@ class HeldOut:
     seen: Array | None
 
     def answers(self, prediction: Prediction) -> tuple[Array, Array, Array]:
-        """Of the returns held out, (M,) each: ranges [m], 0 for none, sigmas [m], and whether these are trusted."""
+        """Return range [m] (0 for none), sigma [m] and trusted of a prediction at the held-out returns, (M,) each."""
         ray = self.ring, self.column
         return prediction.ranges[ray], prediction.sigma[ray], prediction.trusted[ray]
 
 
 def past_of(data: Dataset, position: int, count: int = HISTORY) -> History:
-    """Up to `count` scans before one of a drive, newest last, placed by the drive's true poses; none without these."""
+    """Return up to `count` earlier scans of a sequence, newest last, with true relative poses; empty without these."""
     poses = data.ground_truth
     if poses is None or np.isnan(poses[position]).any():
         return ()
@@ -51,18 +54,21 @@ def past_of(data: Dataset, position: int, count: int = HISTORY) -> History:
 
 
 def ring_step(sensor: Sensor) -> int:
-    """Every so-many-th ring is kept: 4 where that leaves sixteen or more, else 2."""
+    """Return the step between kept rings: 4 if this leaves 16 rings or more, else 2."""
     return 4 if sensor.ring_count >= 64 else 2
 
 
 def hold_out(frame: Frame, grid: RayGrid, phase: int = 0, past: History = ()) -> HeldOut:
-    """Rings phase, phase + step, ... of a frame kept, and of the `past` scans before it; the others held out.
+    """Keep the rings phase, phase + step, ... of a frame and of the `past` scans; hold out the others.
 
-    Raises InputError without rings.
+    Raises:
+        InputError: The points have no ring indices.
     """
     cloud, step = frame.cloud, ring_step(grid.sensor)
     if cloud.ring is None:
-        raise InputError(f"scan {frame.index}: nobody knows which laser its points came from; name the LiDAR: --sensor")
+        raise InputError(
+            f"scan {frame.index}: no ring indices, the sensor model is unknown; name the LiDAR with --sensor"
+        )
     image = frame.image if frame.calibration else None
     rings = np.arange(grid.sensor.ring_count)
     dropped = rings[rings % step != phase]

@@ -1,6 +1,7 @@
-"""Loops over rays and points. Nothing but @njit here; a cached kernel and all it calls share a file.
+"""Kernels over rays and points.
 
-That is why `enrichment.lift.kernels` has the azimuth column and the intersection with a segment once more.
+This file holds @njit functions only, with all that they call: numba's cache does not see changes in other files.
+Therefore `enrichment.lift.kernels` has its own copies of the azimuth column and the intersection with a segment.
 """
 
 import math
@@ -12,12 +13,12 @@ from numba import njit
 @njit(inline="always")
 def _column(x, y, columns):
     column = np.int64((math.atan2(y, x) / (2 * math.pi) + 0.5) * columns)
-    return min(column, columns - 1)  # azimuth pi itself
+    return min(column, columns - 1)  # for an azimuth of exactly pi
 
 
 @njit(cache=True, nogil=True)
 def columns_of(xyz, columns):
-    """(N,) int64: the azimuth column of each point, the first one beginning at -pi."""
+    """Compute the azimuth column (N,) int64 of each point; column 0 begins at -pi."""
     out = np.empty(len(xyz), np.int64)
     for i in range(len(xyz)):
         out[i] = _column(xyz[i, 0], xyz[i, 1], columns)
@@ -26,7 +27,7 @@ def columns_of(xyz, columns):
 
 @njit(cache=True, nogil=True)
 def range_image(xyz, ring, rings, columns):
-    """(rings, columns) int32: the nearest point of each ring and column, -1 for none."""
+    """Compute the index of the nearest point of each ring and column, (rings, columns) int32, -1 for none."""
     image = np.full((rings, columns), np.int32(-1))
     for i in range(len(xyz)):
         column = _column(xyz[i, 0], xyz[i, 1], columns)
@@ -41,8 +42,10 @@ def range_image(xyz, ring, rings, columns):
 
 @njit(cache=True, nogil=True)
 def filled(image, reach):
-    """A range image (K, W) int32 with its empty cells filled from the nearest column of the ring, `reach` away at most;
-    the columns go round. Of two as near, the left one."""
+    """Fill empty cells of a range image (K, W) int32 from the nearest column of the ring, at most `reach` away.
+
+    Columns wrap around; the left one of two equally near columns is taken.
+    """
     rings, columns = image.shape
     out = image.copy()
     for k in range(rings):
@@ -57,17 +60,22 @@ def filled(image, reach):
 
 @njit(inline="always")
 def _turn(rho_a, z_a, rho_b, z_b):
-    """Angle [rad] between two vectors of the vertical plane."""
+    """Angle [rad] between two vectors in the vertical plane."""
     return abs(math.atan2(rho_a * z_b - z_a * rho_b, rho_a * rho_b + z_a * z_b))
 
 
 @njit(cache=True, nogil=True)
 def segments(xyz, image):
-    """The straight lines from each return to the one below it, in the vertical plane of its column.
+    """Compute the segments from each return to the one below it, in the vertical plane of its column.
 
-    xyz (N, 3); image (K, W) int32, the points of the K rings that there are, -1 for none. Returns (K, W) float32 rho
-    and z of the points, and (K - 1, W) float32 length [m] (0 where one end is missing), slope [rad] against the
-    horizontal, and turn [rad]: the angle to the next segment above or below, the smaller; pi where there are none.
+    Args:
+        xyz: Points (N, 3).
+        image: (K, W) int32, points of the K rings, -1 for none.
+
+    Returns:
+        rho and z of the points, (K, W) float32; length [m] of each segment, 0 if one end is missing, slope [rad]
+        relative to the horizontal, and turn [rad], the smaller angle to the next segment above or below, pi without
+        one: (K - 1, W) float32 each.
     """
     rings, columns = image.shape
     rho, z = np.zeros((rings, columns), np.float32), np.zeros((rings, columns), np.float32)
@@ -95,11 +103,21 @@ def segments(xyz, image):
 
 @njit(cache=True, nogil=True)
 def neighbour_outlier_distance(rho, length, window, slack, slack_share, limit):
-    """(K - 1, W) float32, metres: how far the returns beside each segment lie outside of its reach, in the mean.
+    """Compute the mean distance by which neighbouring returns are outside of the range interval of each segment.
 
-    rho (K, W) and length (K - 1, W) of `segments`. Beside are both of its rings, `window` columns to either side. Its
-    reach is from the nearer of its ends to the further one, plus `slack` metres and `slack_share` of them; no return
-    counts more than `limit`.
+    Neighbouring returns are those of both rings, `window` columns to either side. The interval is from the nearer to
+    the farther end, extended by `slack` [m] and `slack_share` of the range; a return counts at most `limit` [m].
+
+    Args:
+        rho: (K, W), from `segments`.
+        length: (K - 1, W), from `segments`.
+        window: Columns to either side.
+        slack: Extension of the interval [m].
+        slack_share: Extension of the interval as a share of the range.
+        limit: Maximum distance of one return [m].
+
+    Returns:
+        (K - 1, W) float32 [m].
     """
     rings, columns = rho.shape
     out = np.zeros((rings - 1, columns), np.float32)
@@ -110,8 +128,8 @@ def neighbour_outlier_distance(rho, length, window, slack, slack_share, limit):
             near, far = min(rho[k, column], rho[k + 1, column]), max(rho[k, column], rho[k + 1, column])
             near, far = near * (1 - slack_share) - slack, far * (1 + slack_share) + slack
             total = 0.0
-            for beside in range(column - window, column + window + 1):
-                wrapped = beside % columns
+            for neighbour in range(column - window, column + window + 1):
+                wrapped = neighbour % columns
                 for ring in (k, k + 1):
                     r = rho[ring, wrapped]
                     if r > 0.0:
@@ -122,10 +140,20 @@ def neighbour_outlier_distance(rho, length, window, slack, slack_share, limit):
 
 @njit(cache=True, nogil=True)
 def intersect_segments(rho, z, length, upper, tangent, offset):
-    """(R, W) float32, metres: at which rho each ray meets the segment between the returns above and below; 0: at none.
+    """Intersect each ray with the segment between the returns above and below.
 
-    rho, z (K, W) and length (K - 1, W) of `segments`; upper (R,): the ring above each ray, -1 for none; tangent,
-    offset (R,): z = tangent * rho + offset is its line. Rays that pass above or below a segment meet its end.
+    Rays that pass above or below a segment are assigned its end.
+
+    Args:
+        rho: (K, W), from `segments`.
+        z: (K, W), from `segments`.
+        length: (K - 1, W), from `segments`.
+        upper: (R,) ring above each ray, -1 for none.
+        tangent: (R,) slope of each ray: z = tangent * rho + offset.
+        offset: (R,) offset of each ray [m].
+
+    Returns:
+        rho of the intersections, (R, W) float32 [m], 0 without a segment.
     """
     columns = rho.shape[1]
     met = np.zeros((len(upper), columns), np.float32)
@@ -145,11 +173,25 @@ def intersect_segments(rho, z, length, upper, tangent, offset):
 
 @njit(cache=True, nogil=True)
 def collect(ranges, sigma, keep, image, upper, below, intensity, time, azimuth, cosine, sine, offset):
-    """The predicted points to keep, row by row: xyz (M, 3), intensity, sigma (M,) float32, row (M,) int16 and, where
-    `time` (N,) is not empty, time (M,) float32.
+    """Collect the predicted points to keep, row by row.
 
-    ranges, sigma, keep (R, W); image (K, W) int32, the measured points; upper and below (R,), rows of `image`:
-    intensity and time are the mean of the points there, or the one that there is, 0 without any.
+    Args:
+        ranges: (R, W) predicted ranges [m].
+        sigma: (R, W) [m].
+        keep: (R, W) bool.
+        image: (K, W) int32, measured points by ring and column, -1 for none.
+        upper: (R,) row of `image` above each ray, -1 for none.
+        below: (R,) row of `image` below each ray, -1 for none.
+        intensity: (N,) intensity of the measured points.
+        time: (N,) time of the measured points, or empty.
+        azimuth: (W,) azimuth of the columns [rad].
+        cosine: (R,) cosine of the elevation.
+        sine: (R,) sine of the elevation.
+        offset: (R,) height of the laser [m].
+
+    Returns:
+        xyz (M, 3), intensity and sigma (M,) float32, row (M,) int16, and time (M,) float32, empty without times.
+        Intensity and time are the mean of the points above and below, or that of the only one, 0 without any.
     """
     rows, columns = ranges.shape
     count = 0
@@ -160,14 +202,14 @@ def collect(ranges, sigma, keep, image, upper, below, intensity, time, azimuth, 
     xyz, ring = np.empty((count, 3), np.float32), np.empty(count, np.int16)
     sigmas, intensities = np.empty(count, np.float32), np.zeros(count, np.float32)
     times = np.zeros(count if timed else 0, np.float32)
-    across, aside = np.cos(azimuth), np.sin(azimuth)
+    cosine_azimuth, sine_azimuth = np.cos(azimuth), np.sin(azimuth)
     i = 0
     for row in range(rows):
         for column in range(columns):
             if not keep[row, column]:
                 continue
             rho = ranges[row, column] * cosine[row]
-            xyz[i, 0], xyz[i, 1] = rho * across[column], rho * aside[column]
+            xyz[i, 0], xyz[i, 1] = rho * cosine_azimuth[column], rho * sine_azimuth[column]
             xyz[i, 2] = ranges[row, column] * sine[row] + offset[row]
             sigmas[i], ring[i] = sigma[row, column], row
             found = 0

@@ -1,7 +1,7 @@
-"""The rays that ranges are predicted on: laser lines times azimuth columns.
+"""Virtual rays on which ranges are predicted: laser lines x azimuth columns.
 
-A ray is the calibrated line of its laser at the centre of its column, never the direction in which a return was found:
-HDL-64 lasers sit above the sensor's origin, so a return's exact elevation gives its range away.
+A ray is the calibrated line of its laser at the centre of its column, never the direction of a measured return: HDL-64
+lasers are above the sensor's origin, so the exact elevation of a return would reveal its range.
 """
 
 from __future__ import annotations
@@ -15,40 +15,45 @@ from slam.data.cloud import Array, PointCloud
 from slam.data.errors import InputError
 from slam.data.sensor import Sensor
 
-MAX_COLUMNS = 2000  # 0.18 deg each: the HDL-64E fires every 0.17 deg at 10 Hz
+MAX_COLUMNS = 2000  # of 0.18 deg: the HDL-64E fires every 0.17 deg at 10 Hz
 MIN_COLUMNS = 360
 
 
 @dataclass(frozen=True, eq=False)
 class RayGrid:
-    """R laser lines times W columns; column c spans azimuths -pi + 2 pi c / W to the next one's.
+    """Grid of R laser lines x W columns; column c begins at the azimuth -pi + 2 pi c / W.
 
     The range of a point on a ray is measured along the ray from the sensor's vertical axis: rho / cos(elevation), with
     rho = hypot(x, y).
+
+    Attributes:
+        sensor: The R laser lines.
+        columns: Number of columns W.
+        azimuth: (W,) float64, azimuth of the columns' centres [rad].
     """
 
     sensor: Sensor
     columns: int = MAX_COLUMNS
-    azimuth: Array = field(init=False, repr=False)  # (W,) float64, radians, of the columns' centres
+    azimuth: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "azimuth", ((np.arange(self.columns) + 0.5) / self.columns - 0.5) * 2 * np.pi)
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(R, W)."""
+        """Shape (R, W)."""
         return self.sensor.ring_count, self.columns
 
     def column_of(self, xyz: Array) -> Array:
-        """(N,) int64: the column that each point (N, 3) lies in."""
+        """Return the column (N,) int64 of each point (N, 3)."""
         return np.asarray(kernels.columns_of(xyz, self.columns))
 
     def range_of(self, xyz: Array, ring: Array) -> Array:
-        """(N,) float64, metres: range along the ray, as if each point (N, 3) lay on the line of its ring (N,)."""
+        """Return the range (N,) float64 [m] of points (N, 3) along the line of their ring (N,)."""
         return np.asarray(np.hypot(xyz[:, 0], xyz[:, 1], dtype=float) / np.cos(self.sensor.elevation[ring]))
 
     def points(self, ranges: Array, ring: Array, column: Array) -> Array:
-        """(N, 3) float32: where the rays (ring, column), each (N,), are at these ranges (N,) [m]."""
+        """Return the points (N, 3) float32 on the rays (ring, column), each (N,), at ranges (N,) [m]."""
         rho = ranges * np.cos(self.sensor.elevation[ring])
         azimuth = self.azimuth[column]
         z = ranges * np.sin(self.sensor.elevation[ring]) + self.sensor.offset[ring]
@@ -57,11 +62,12 @@ class RayGrid:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Ranges on the rays of a grid.
+    """Predicted ranges on the rays of a grid.
 
-    ranges   (R, W) float32, metres; 0 where nothing is predicted
-    sigma    (R, W) float32, metres: half the width of the central 68 % interval of the error; infinite where unknown
-    trusted  (R, W) bool: those worth registering
+    Attributes:
+        ranges: (R, W) float32 [m], 0 where nothing is predicted.
+        sigma: (R, W) float32 [m], half the width of the central 68 % interval of the error; infinite where unknown.
+        trusted: (R, W) bool, accurate enough for registration.
     """
 
     ranges: Array
@@ -70,7 +76,7 @@ class Prediction:
 
 
 def columns_for(cloud: PointCloud) -> int:
-    """How many columns a scan fills, MAX_COLUMNS at most: a turn by the usual step of azimuth on its fullest ring."""
+    """Return the number of columns that a scan fills, from the median azimuth step of the ring with the most points."""
     if cloud.ring is None or len(cloud) == 0:
         return MAX_COLUMNS
     fullest = cloud.xyz[cloud.ring == np.bincount(cloud.ring).argmax()]
@@ -82,13 +88,20 @@ def columns_for(cloud: PointCloud) -> int:
 
 
 def range_image(cloud: PointCloud, grid: RayGrid) -> Array:
-    """(R, W) int32: which of the cloud's points each ray meets, -1 for none. Raises InputError without rings.
+    """Compute the range image of a cloud: the index of its nearest point on each ray, (R, W) int32, -1 for none.
 
-    By ring id, never by elevation. Where two points of a ring share a column, the nearer one counts; so where none do,
-    the points and their image tell the same.
+    Points are assigned by ring index, never by elevation.
+
+    Raises:
+        InputError: The points have no ring indices, or a ring does not exist in the sensor.
     """
     if cloud.ring is None:
-        raise InputError("no range image, for nobody knows which laser the points came from; name the LiDAR: --sensor")
+        raise InputError(
+            "the range image needs ring indices, and the sensor model is unknown; name the LiDAR with --sensor"
+        )
     if len(cloud) and not 0 <= int(cloud.ring.min()) <= int(cloud.ring.max()) < grid.sensor.ring_count:
-        raise InputError(f"ring {cloud.ring.max()} in a scan, but {grid.sensor.name} has {grid.sensor.ring_count}")
+        raise InputError(
+            f"ring {cloud.ring.max()} in a scan, but {grid.sensor.name} has {grid.sensor.ring_count}; "
+            "name the right LiDAR with --sensor"
+        )
     return np.asarray(kernels.range_image(cloud.xyz, cloud.ring, grid.sensor.ring_count, grid.columns))

@@ -1,4 +1,4 @@
-"""What a method of enrichment is given: a scan of few rings, and the image beside it."""
+"""Input of an enrichment method: a scan with few rings, and the image of the same moment."""
 
 from __future__ import annotations
 
@@ -14,22 +14,23 @@ from enrichment.geometry.rays import MAX_COLUMNS, Prediction, RayGrid, range_ima
 from slam.data.cloud import Array, Calibration, History, PointCloud
 from slam.data.sensor import Sensor
 
-SAME = 1e-6  # m at 10 m: lines that differ by less are one
-MAX_GAP = 2  # columns: a ring's return is taken from so near by where its own column has none
+SAME = 1e-6  # m at 10 m: lines that differ by less are identical
+MAX_GAP = 2  # columns: an empty column takes the return of a column at most this far away
 
 
 @dataclass(frozen=True, eq=False)
 class SparseScan:
-    """A scan as recorded, in the sensor's own geometry: neither deskewed nor vertically corrected.
+    """A scan as recorded, in sensor geometry: neither deskewed nor vertically corrected.
 
-    cloud        with ring ids
-    lines        the laser line of every ring id
-    rings        (K,) the ids that its sensor has, top first: a ring without any return counts, a dropped one does not
-    read_image   gives `image`, (H, W, 3) uint8 RGB of the same moment, or None; it is read when a method asks for it
-    calibration  the camera's, or None
-    columns      W of the grids that it is asked for
-    read_past    gives `past`: what the same rings saw before, newest last: clouds with rings, each with T_now_then
-                 (4, 4); read when a method asks for it
+    Attributes:
+        cloud: The points, with ring indices.
+        lines: Laser lines by ring index.
+        rings: (K,) ring indices of the sparse sensor, top first; rings without returns are included, dropped ones not.
+        read_image: Returns the image, (H, W, 3) uint8 RGB of the same moment, or None; called when it is needed.
+        calibration: Calibration of the camera, or None.
+        columns: Columns W of the grids used with this scan.
+        read_past: Returns earlier scans of the same rings, newest last, each with T_now_then (4, 4); called when they
+            are needed.
     """
 
     cloud: PointCloud
@@ -42,59 +43,67 @@ class SparseScan:
 
     @cached_property
     def image(self) -> Array | None:
-        """(H, W, 3) uint8 RGB."""
+        """Image (H, W, 3) uint8 RGB, or None."""
         return self.read_image()
 
     @cached_property
     def past(self) -> History:
+        """Earlier scans of the same rings, newest last, each with T_now_then (4, 4)."""
         return self.read_past()
 
     @cached_property
     def points(self) -> Array:
-        """(K, W) int32: the point of each ring and azimuth column, of the column itself or of one up to MAX_GAP
-        away; -1 for none. Raises InputError where the points have no rings."""
+        """Point of each ring and azimuth column, or of a column up to MAX_GAP away, (K, W) int32; -1 for none.
+
+        Raises:
+            InputError: The points have no ring indices.
+        """
         return np.asarray(
             kernels.filled(range_image(self.cloud, RayGrid(self.lines, self.columns))[self.rings], MAX_GAP)
         )
 
     def without(self, rings: Array) -> SparseScan:
-        """The same scan as a sensor without these rings (M,) would have seen it."""
+        """Return the scan without these rings (M,)."""
         kept = self.rings[~np.isin(self.rings, rings)]
 
         def past() -> History:
-            return [(of_rings(then, kept), T_now_then) for then, T_now_then in self.past]
+            return [(select_rings(then, kept), T_now_then) for then, T_now_then in self.past]
 
-        return replace(self, cloud=of_rings(self.cloud, kept), rings=kept, read_past=past)
+        return replace(self, cloud=select_rings(self.cloud, kept), rings=kept, read_past=past)
 
     def rows_above(self, sensor: Sensor) -> Array:
-        """(R,) int64: which row of `points` is the next one above each of the sensor's lines, one with a row below it.
+        """Return the row of `points` above each line of a sensor, (R,) int64; the next row is below the line.
 
-        -1 for a line above the first ring, below the last one, or that is a ring's own.
+        The result is -1 for lines above the first ring, below the last one, or identical to a ring's.
         """
         above, below = self.rows_around(sensor)
         return np.where(below == above + 1, above, -1)
 
     def rows_around(self, sensor: Sensor) -> tuple[Array, Array]:
-        """(R,) int64 each: the rows of `points` next above and next below each of the sensor's lines, a ring on the
-        line included; -1 where there is none."""
+        """Return the rows of `points` next above and next below each line of a sensor, (R,) int64 each.
+
+        A ring on the line itself counts as both; -1 if there is none.
+        """
         lines, own = heights(sensor), heights(self.lines)[self.rings]
         above = np.searchsorted(-own, -lines + SAME, side="right") - 1
         below = np.searchsorted(-own, -lines - SAME, side="left")
         return above, np.where(below < len(own), below, -1)
 
 
-def of_rings(cloud: PointCloud, rings: Array) -> PointCloud:
-    """The points of these rings (M,) alone."""
+def select_rings(cloud: PointCloud, rings: Array) -> PointCloud:
+    """Return the points of these rings (M,)."""
     assert cloud.ring is not None
     return cloud.select(np.isin(cloud.ring, rings))
 
 
 def heights(sensor: Sensor) -> Array:
-    """(R,) float64, metres, of each laser line at 10 m: orders lines as the scene sees them."""
+    """Return the height (R,) float64 [m] of each laser line at a distance of 10 m, which orders lines."""
     return np.asarray(np.tan(sensor.elevation) * 10.0 + sensor.offset)
 
 
 class Method(Protocol):
-    """Predicts ranges on the rays of a grid of `scan.columns` columns; the scan's own rings may be left out."""
+    """An enrichment method."""
 
-    def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction: ...
+    def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
+        """Predict ranges on the rays of a grid of `scan.columns` columns; the scan's own rings may be left out."""
+        ...

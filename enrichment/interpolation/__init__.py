@@ -1,1 +1,1 @@
-"""What fills the gaps between rings without learning: ray segments, and the completion of depth images."""
+"""Interpolation between rings without learning: ray segments, and depth completion."""

@@ -1,1 +1,1 @@
-"""Lift, our network: the features it is given, the network, its loss. Running it needs ONNX Runtime alone."""
+"""Lift, our network: features, network and loss. Running it requires ONNX Runtime only."""

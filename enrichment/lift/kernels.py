@@ -1,7 +1,8 @@
-"""Loops of Lift's input. Nothing but @njit here; a cached kernel and all it calls share a file.
+"""Kernels of Lift's input.
 
-That is why `_intersect_segment` and the azimuth column stand in `enrichment.geometry.kernels` too, and `_pixel` in
-`slam.data.camera.project`.
+This file holds @njit functions only, with all that they call: numba's cache does not see changes in other files.
+Therefore it has its own copies of `_intersect_segment` and the azimuth column (`enrichment.geometry.kernels`), and of
+`_pixel` (`slam.data.camera.project`).
 """
 
 import math
@@ -11,16 +12,16 @@ from numba import njit
 
 from enrichment.lift.channels import CANDIDATES, RAYS, Candidate, Ray
 
-EDGE_STEPS = 12  # pixels looked at on each half of the way between the returns above and below
-UNSURE_SEGMENT = 0.4  # m: rays whose segment has a larger sigma are looked at once more
-#: Returns near by: rings from the one above the ray on, columns, and of how many the one is from the next.
-RINGS_NEAR, COLUMNS_NEAR, APART = (-1, 3), 8, 2
-#: A return's weight falls by e with so many pixels to the side, pixels up or down, and levels of colour (of 255); all
-#: of them together weigh RETURNS, the edge and the filled depth 1 each.
-BESIDE, UP, COLOUR, RETURNS = 20.0, 30.0, 25.0, 2.0
-LEAST, MOST = 0.8, 1.25  # of the nearer and the further return: how far surfaces are extended
-NEAR_RAY = 0.15  # of the gap between two rings: past returns so near a ray are asked
-AGE = 0.02  # of the gap: so much nearer to the ray is a return worth that is one scan older
+EDGE_STEPS = 12  # pixels sampled on each half of the line between the returns above and below
+UNCERTAIN_SIGMA = 0.4  # m: rays whose segment has a larger sigma get a GUESS
+#: Neighbouring returns: rings relative to the one above the ray, columns to either side, and their step.
+RINGS_NEAR, COLUMNS_NEAR, COLUMN_STEP = (-1, 3), 8, 2
+#: Horizontal and vertical distance [pixels] and colour difference (of 255) at which the weight of a return falls by e;
+#: total weight of the returns, where EDGE and the completed depth weigh 1 each.
+HORIZONTAL, VERTICAL, COLOUR, RETURNS = 20.0, 30.0, 25.0, 2.0
+LEAST, MOST = 0.8, 1.25  # limits of extrapolated surfaces, relative to the nearer and the farther return
+NEAR_RAY = 0.15  # share of the gap between two rings: maximum distance of past returns from a ray
+AGE = 0.02  # share of the gap: penalty on the distance from the ray per scan of age
 
 
 @njit(inline="always")
@@ -30,7 +31,7 @@ def _bounded(value, low, high):
 
 @njit(inline="always")
 def _extended(rho, z, beyond_rho, beyond_z, tangent, offset, low, high):
-    """rho where a ray meets the line through a return and the one `beyond`, extended past the return; 0: nowhere."""
+    """Rho where a ray meets the line from the return `beyond` through a return, extended past it; 0 for none."""
     forth, down = rho - beyond_rho, z - beyond_z
     above, fall = z - tangent * rho - offset, tangent * forth - down
     share = above / fall if fall != 0.0 else -1.0
@@ -41,17 +42,18 @@ def _extended(rho, z, beyond_rho, beyond_z, tangent, offset, low, high):
 
 @njit(inline="always")
 def _intersect_segment(rho, z, beyond_rho, beyond_z, tangent, offset):
-    """rho where a ray meets the segment between two returns, or its nearer end."""
+    """Rho where a ray meets the segment between two returns, or its nearer end."""
     forth, down = beyond_rho - rho, beyond_z - z
     above, fall = z - tangent * rho - offset, tangent * forth - down
     return rho + _bounded(above / fall if fall != 0.0 else 0.5, 0.0, 1.0) * forth
 
 
 @njit(cache=True, nogil=True)
-def between_rings(rho, z, length, slope, turn, beside, sigma, upper, tangent, offset, row_share, gap):
-    """`rays` and `candidates` of LiftInput, without what the image gives.
+def between_rings(rho, z, length, slope, turn, outlier_distance, sigma, upper, tangent, offset, row_share, gap):
+    """Compute `rays` and `candidates` of LiftInput without the features of the image and of earlier scans.
 
-    rho, z (K, W); length, slope, turn, beside, sigma (K - 1, W); upper, tangent, offset, row_share (Q,); gap (K - 1,).
+    Shapes: rho, z (K, W); length, slope, turn, outlier_distance, sigma (K - 1, W); upper, tangent, offset, row_share
+    (Q,); gap (K - 1,).
     """
     rings, columns = rho.shape
     rays = np.zeros((RAYS, len(upper), columns), np.float32)
@@ -75,19 +77,20 @@ def between_rings(rho, z, length, slope, turn, beside, sigma, upper, tangent, of
                 )
             rays[Ray.KNOWN, row, c], rays[Ray.SHARE, row, c] = 1.0, row_share[row]
             rays[Ray.RANGE, row, c] = math.log(met / 10)
-            for other in range(4):  # ABOVE to FROM_BELOW, in the same order in both
+            for other in range(4):  # ABOVE to FROM_BELOW, in the same order in both enumerations
                 rho_there = candidates[Candidate.ABOVE + other, row, c]
                 if rho_there > 0.0:
                     rays[Ray.ABOVE + other, row, c] = math.log(rho_there / met)
             rays[Ray.LENGTH, row, c], rays[Ray.SLOPE, row, c] = math.log(1 + length[k, c]), slope[k, c]
-            rays[Ray.TURN, row, c], rays[Ray.BESIDE, row, c] = min(turn[k, c], 1.0), math.log(1 + beside[k, c])
+            rays[Ray.TURN, row, c] = min(turn[k, c], 1.0)
+            rays[Ray.OUTLIER_DISTANCE, row, c] = math.log(1 + outlier_distance[k, c])
             rays[Ray.SIGMA, row, c], rays[Ray.GAP, row, c] = math.log(1 + sigma[k, c]), gap[k]
     return rays, candidates
 
 
 @njit(inline="always")
 def _nearest_row(z, rho, tangent, offset):
-    """The line next to a point; they are sorted, highest first."""
+    """Index of the line nearest to a point; lines are sorted from the highest to the lowest."""
     low, high = 0, len(tangent)
     while low < high:
         middle = (low + high) // 2
@@ -104,10 +107,10 @@ def _nearest_row(z, rho, tangent, offset):
 
 @njit(cache=True, nogil=True)
 def accumulate_history(rays, candidates, best, xyz, T_now_then, age, rho, z, upper, tangent, offset, gap):
-    """Adds what a past scan (N, 3) saw near the rays: by how much its returns lay off the segments that there are now.
+    """Add the returns of an earlier scan (N, 3) near the rays, relative to the current segments.
 
-    rays, candidates: of LiftInput, changed; best (Q, W), infinite before the first scan: how far off its ray the return
-    behind the candidate was.
+    `rays` and `candidates` of LiftInput are updated, as is `best` (Q, W), the distance of the candidate's return from
+    its ray, infinite before the first scan.
     """
     columns = rho.shape[1]
     for i in range(len(xyz)):
@@ -142,7 +145,7 @@ def accumulate_history(rays, candidates, best, xyz, T_now_then, age, rho, z, upp
 
 @njit(inline="always")
 def _pixel(projection, x, y, z):
-    """u, v of a point; NaN behind the camera."""
+    """Pixel u, v of a point; NaN behind the camera."""
     depth = projection[2, 0] * x + projection[2, 1] * y + projection[2, 2] * z + projection[2, 3]
     if depth < 0.5:
         return np.nan, np.nan
@@ -158,9 +161,9 @@ def _inside(u, v, image):
 
 @njit(cache=True, nogil=True)
 def colours_of_rings(xyz, points, projection, image, out):
-    """Fills `out` (4, K, W): seen, red, green, blue of the returns in the image; returns their pixels (K, W, 2).
+    """Fill `out` (4, K, W) with seen, red, green, blue of the returns in the image, and return their pixels (K, W, 2).
 
-    projection (3, 4) from the LiDAR's frame to pixels; image (H, W, 3) uint8.
+    `projection` (3, 4) maps the LiDAR frame to pixels; `image` is (H, W, 3) uint8.
     """
     rings, columns = points.shape
     pixels = np.full((rings, columns, 2), np.float32(np.nan))
@@ -181,7 +184,7 @@ def colours_of_rings(xyz, points, projection, image, out):
 
 @njit(inline="always")
 def _change(image, u, v, to_u, to_v):
-    """Length of the way through colours (0..255 each) on the straight way from pixel to pixel, and from end to end."""
+    """Total colour change (0..255 per channel) along the line between two pixels, and the difference of its ends."""
     total = 0.0
     first = image[int(v + 0.5), int(u + 0.5)]
     before = first
@@ -201,7 +204,7 @@ def _change(image, u, v, to_u, to_v):
 
 @njit(inline="always")
 def _difference(image, u, v, other_u, other_v):
-    """Of two pixels' colours."""
+    """Difference of the colours of two pixels."""
     one, other = image[int(v + 0.5), int(u + 0.5)], image[int(other_v + 0.5), int(other_u + 0.5)]
     square = 0.0
     for channel in range(3):
@@ -211,7 +214,7 @@ def _difference(image, u, v, other_u, other_v):
 
 @njit(cache=True, nogil=True)
 def depths_seen(xyz, points, pixels, projection, scale, out):
-    """Fills `out` (h, w), cells `scale` times as many as pixels, with the depth of the nearest return in each."""
+    """Fill `out` (h, w), with `scale` cells per pixel, with the depth of the nearest return in each cell."""
     rings, columns = points.shape
     for k in range(rings):
         for c in range(columns):
@@ -227,7 +230,7 @@ def depths_seen(xyz, points, pixels, projection, scale, out):
 
 @njit(inline="always")
 def _weighted_median(values, weights):
-    """The least value that has half of the weights up to it, and the mean distance from it."""
+    """Weighted median, the smallest value that reaches half of the weight, and the mean distance from it."""
     order = np.argsort(values)
     half, reached, median = weights.sum() / 2, 0.0, values[order[0]]
     for i in order:
@@ -243,7 +246,7 @@ def _weighted_median(values, weights):
 
 @njit(inline="always")
 def _filled(dense, scale, u, v, cosine, sine, tangent, offset, projection, otherwise):
-    """rho where a ray is as deep as the depth image says at its pixel."""
+    """Rho where the depth of a ray equals that of the depth image at its pixel."""
     depth = dense[min(int((v + 0.5) * scale), dense.shape[0] - 1), min(int((u + 0.5) * scale), dense.shape[1] - 1)]
     along = projection[2, 0] * cosine + projection[2, 1] * sine + projection[2, 2] * tangent
     rho = (depth - projection[2, 2] * offset - projection[2, 3]) / along
@@ -252,31 +255,31 @@ def _filled(dense, scale, u, v, cosine, sine, tangent, offset, projection, other
 
 @njit(cache=True, nogil=True)
 def guess(rays, candidates, pixels, upper, tangent, offset, cosine, sine, projection, image, rho, dense, scale):
-    """Adds, on unsure rays in the image, the weighted median of the edge, of what returns of like colour near by have,
-    and of a depth image filled in: the candidate GUESS, by how much it is off the segment, and how far apart these are.
+    """Add the candidate GUESS on uncertain rays in the image, its ratio to the segment, and the spread of its inputs.
 
-    pixels (K, W, 2) and rho (K, W) of the returns; dense (h, w), depth in cells `scale` times as many as pixels.
+    GUESS is the weighted median of EDGE, of nearby returns with similar colour and of a completed depth image. `pixels`
+    (K, W, 2) and `rho` (K, W) are of the returns; `dense` (h, w) is the depth with `scale` cells per pixel.
     """
     _, rows, columns = rays.shape
     rings = rho.shape[0]
-    most = (RINGS_NEAR[1] - RINGS_NEAR[0]) * (2 * COLUMNS_NEAR // APART + 1) + 2
+    most = (RINGS_NEAR[1] - RINGS_NEAR[0]) * (2 * COLUMNS_NEAR // COLUMN_STEP + 1) + 2
     values, weights = np.empty(most), np.empty(most)
     for row in range(rows):
         k = upper[row]
         for c in range(columns):
-            if rays[Ray.SEEN, row, c] == 0.0 or math.exp(rays[Ray.SIGMA, row, c]) - 1 < UNSURE_SEGMENT:
+            if rays[Ray.SEEN, row, c] == 0.0 or math.exp(rays[Ray.SIGMA, row, c]) - 1 < UNCERTAIN_SIGMA:
                 continue
             met = candidates[Candidate.SEGMENT, row, c]
             x, y, z = met * cosine[c], met * sine[c], met * tangent[row] + offset[row]
             u, v = _pixel(projection, x, y, z)
             count, total = 0, 0.0
             for ring in range(max(k + RINGS_NEAR[0], 0), min(k + RINGS_NEAR[1], rings)):
-                for aside in range(-COLUMNS_NEAR, COLUMNS_NEAR + 1, APART):
-                    other = (c + aside) % columns
+                for shift in range(-COLUMNS_NEAR, COLUMNS_NEAR + 1, COLUMN_STEP):
+                    other = (c + shift) % columns
                     if np.isnan(pixels[ring, other, 0]):
                         continue
                     other_u, other_v = pixels[ring, other, 0], pixels[ring, other, 1]
-                    far = abs(other_u - u) / BESIDE + abs(other_v - v) / UP
+                    far = abs(other_u - u) / HORIZONTAL + abs(other_v - v) / VERTICAL
                     weights[count] = math.exp(-far - _difference(image, u, v, other_u, other_v) / COLOUR)
                     values[count] = rho[ring, other]
                     total += weights[count]
@@ -295,9 +298,10 @@ def guess(rays, candidates, pixels, upper, tangent, offset, cosine, sine, projec
 
 @njit(cache=True, nogil=True)
 def along_image(rays, candidates, pixels, upper, tangent, offset, cosine, sine, projection, image):
-    """Adds what the image says of rays whose point on the segment and whose returns above and below lie in it.
+    """Add the image features of rays whose point on the segment and whose returns above and below are in the image.
 
-    rays, candidates: of LiftInput, changed; pixels (K, W, 2) of the returns; cosine, sine (W,) of the azimuths.
+    `rays` and `candidates` of LiftInput are updated; `pixels` (K, W, 2) are of the returns, `cosine` and `sine` (W,) of
+    the azimuths.
     """
     _, rows, columns = rays.shape
     for row in range(rows):

@@ -1,4 +1,4 @@
-"""What Lift is trained to make small."""
+"""Training loss of Lift."""
 
 from __future__ import annotations
 
@@ -9,18 +9,24 @@ from torch.nn import functional
 from enrichment.lift.channels import Candidate, Ray
 from enrichment.lift.network import Answer
 
-ABSOLUTE, SQUARED, CHOICE, VALID = 1.0, 0.05, 0.1, 0.2  # weights beside the likelihood
-LONG = 20.0  # m: from there errors count linearly
-SOFT, SOFT_SHARE = 0.1, 0.01  # m, and of the range: candidates whose errors differ by less are as good
-MATTERS = 0.05, 5.0  # m: bounds of what a choice may weigh
+ABSOLUTE, SQUARED, CHOICE, VALID = 1.0, 0.05, 0.1, 0.2  # weights relative to the likelihood
+LONG = 20.0  # m: larger errors count linearly
+SOFT, SOFT_SHARE = 0.1, 0.01  # m, and share of the range: candidates whose errors differ by less are equally good
+WEIGHT_LIMITS = 0.05, 5.0  # m: limits of the weight of a choice
 
 
 def lift_loss(answer: Answer, rays: Tensor, candidates: Tensor, truth: Tensor) -> Tensor:
-    """Of the rays with candidates, (B, Q, W) truth in metres along rho, 0 = no return.
+    """Compute the loss over the rays with candidates.
 
-    The negative log likelihood of a Laplace distribution (sigma learns from it), the absolute error (MAE), a squared
-    one (RMSE: without it long errors would be given up), the choice of a candidate, and whether there is a return.
-    Means over rays: nothing here waits for a GPU to tell how many they are.
+    The sum of the negative log likelihood of a Laplace distribution (trains sigma), the absolute error (MAE), a squared
+    error (RMSE; without it large errors would be neglected), the choice of a candidate, and the presence of a return.
+    Means over rays are computed without synchronising with the GPU.
+
+    Args:
+        answer: Output of the network.
+        rays: (B, RAYS, Q, W).
+        candidates: (B, CANDIDATES, Q, W).
+        truth: (B, Q, W) metres along rho, 0 without a return.
     """
     known = rays[:, Ray.KNOWN] > 0
     asked = known & (truth > 0)
@@ -41,9 +47,11 @@ def _mean(values: Tensor, where: Tensor) -> Tensor:
 
 
 def _choice(logits: Tensor, candidates: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
-    """(B, Q, W) each: cross entropy of the candidates' weights against those that their errors deserve, and where it
-    matters: by how far the measured neighbours are from the truth."""
+    """Cross entropy of the candidates' weights against targets from their errors, and its weight, (B, Q, W) each.
+
+    The weight is the distance of the measured neighbours from the truth, since the choice matters there.
+    """
     error = (candidates - truth[:, None]).abs().masked_fill(candidates <= 0, 1e3)
     deserved = torch.softmax(-error / (SOFT + SOFT_SHARE * truth[:, None]), dim=1)
     entropy = -(deserved * torch.log_softmax(logits, dim=1)).sum(dim=1)
-    return entropy, error[:, Candidate.SEGMENT : Candidate.FROM_ABOVE].amax(dim=1).clamp(*MATTERS)
+    return entropy, error[:, Candidate.SEGMENT : Candidate.FROM_ABOVE].amax(dim=1).clamp(*WEIGHT_LIMITS)

@@ -1,4 +1,4 @@
-"""Lift: ranges and their uncertainty on rays between the rings of a LiDAR, over all 360 degrees."""
+"""The network Lift: ranges and their uncertainty on rays between the rings of a LiDAR, over 360 deg."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from enrichment.lift.channels import CANDIDATES, RAYS, RINGS, Candidate, Ray
 
 WIDTHS = 32, 32, 48, 64  # channels at 1, 1/2, 1/4 and 1/8 of the columns
 HIDDEN = 48  # channels of a ray
-ASIDE = 2  # columns to each side of a ray that are looked at once more
-AROUND = 88  # columns that are repeated beyond the seam: no fewer than the U-Net looks far, and inside 8
-RESIDUAL = 0.05  # of the range, at most
-NEAR_SEGMENT = 2.0  # logit of ray-segment's weight, where learning starts
-LEAST_SCALE = 0.01  # m
+ASIDE = 2  # columns to each side of a ray in its convolution
+AROUND = 88  # columns of circular padding: at least the receptive field of the U-Net, and a multiple of 8
+RESIDUAL = 0.05  # maximum correction, share of the range
+NEAR_SEGMENT = 2.0  # initial logit of the candidate SEGMENT
+MIN_SCALE = 0.01  # m
 
 
 class Answer(NamedTuple):
-    """(B, Q, W) each.
+    """Output of Lift.
 
-    ranges  metres along rho
-    scale   metres, of a Laplace distribution around it
-    valid   logit: is there a return?
-    logits  (B, CANDIDATES, Q, W): of the weights of the candidates
+    Attributes:
+        ranges: (B, Q, W), metres along rho.
+        scale: (B, Q, W), scale of a Laplace distribution around the range [m].
+        valid: (B, Q, W), logit of the presence of a return.
+        logits: (B, CANDIDATES, Q, W), logits of the candidates' weights.
     """
 
     ranges: Tensor
@@ -35,10 +36,10 @@ class Answer(NamedTuple):
 
 
 class Lift(nn.Module):
-    """A U-Net over the range image of the rings, and a small network for each ray between two of them.
+    """A U-Net over the range image of the rings, and a small network for each ray between two rings.
 
-    A ray's range is a mean of its candidates, weighed by what the network makes of the rings around, the ray's own
-    features and those of the rays beside it, times a factor of 1 +- RESIDUAL. So it lies where some surface may be.
+    The range of a ray is a weighted mean of its candidates, times a factor of 1 +- RESIDUAL. The weights depend on the
+    surrounding rings, the ray's features and those of the adjacent rays. So the range is near some possible surface.
     """
 
     def __init__(self) -> None:
@@ -60,8 +61,14 @@ class Lift(nn.Module):
             self.last.bias.copy_(torch.eye(CANDIDATES + 3)[Candidate.SEGMENT] * NEAR_SEGMENT)
 
     def forward(self, rings: Tensor, upper: Tensor, rays: Tensor, candidates: Tensor) -> Answer:
-        """rings (B, RINGS, K, W), upper (Q,), rays (B, RAYS, Q, W), candidates (B, CANDIDATES, Q, W); W inside 8, and
-        AROUND or more."""
+        """Predict ranges; W must be a multiple of 8 and at least AROUND.
+
+        Args:
+            rings: (B, RINGS, K, W).
+            upper: (Q,).
+            rays: (B, RAYS, Q, W).
+            candidates: (B, CANDIDATES, Q, W).
+        """
         features = self._features(_around(rings, AROUND))[..., AROUND - ASIDE : ASIDE - AROUND]
         between = self.from_above(features[:, :, :-1]) + self.from_below(features[:, :, 1:])
         x = functional.relu(between.index_select(2, upper) + self.from_ray(_around(rays, ASIDE)))
@@ -79,15 +86,15 @@ class Lift(nn.Module):
     def _answer(self, out: Tensor, rays: Tensor, candidates: Tensor) -> Answer:
         logits = out[:, :CANDIDATES].masked_fill(candidates <= 0, -1e4)
         shift, scale, valid = out[:, CANDIDATES:].unbind(1)
-        weights = (logits - logits.amax(dim=1, keepdim=True)).exp()  # ONNX Runtime's softmax takes five times as long
+        weights = (logits - logits.amax(dim=1, keepdim=True)).exp()  # five times as fast as ONNX Runtime's softmax
         mean = (weights * candidates).sum(dim=1) / weights.sum(dim=1)
-        sigma = rays[:, Ray.SIGMA].exp() - 1  # ray-segment's own, where learning starts
-        scale = LEAST_SCALE + (sigma + 0.02) * torch.exp(scale.clamp(-6, 6))
+        sigma = rays[:, Ray.SIGMA].exp() - 1  # sigma of ray-segment as initial scale
+        scale = MIN_SCALE + (sigma + 0.02) * torch.exp(scale.clamp(-6, 6))
         return Answer(mean * (1 + RESIDUAL * torch.tanh(shift)), scale, valid, logits)
 
 
 class _Convolution(nn.Module):
-    """3 x 3, with batch normalisation and ReLU; stride and dilation are of the columns."""
+    """3 x 3 convolution with batch normalisation and ReLU; stride and dilation apply to the columns."""
 
     def __init__(self, channels_in: int, channels_out: int, stride: int = 1, dilation: int = 1) -> None:
         super().__init__()
@@ -101,7 +108,7 @@ class _Convolution(nn.Module):
 
 
 class _Block(nn.Module):
-    """Two convolutions, and past them the input."""
+    """Residual block of two convolutions."""
 
     def __init__(self, channels: int, dilation: int = 1) -> None:
         super().__init__()
@@ -113,7 +120,7 @@ class _Block(nn.Module):
 
 
 class _Up(nn.Module):
-    """Twice the columns, joined with the features from there."""
+    """Upsampling to twice the columns, joined with the features at that resolution."""
 
     def __init__(self, channels_in: int, channels_out: int) -> None:
         super().__init__()
@@ -127,5 +134,5 @@ class _Up(nn.Module):
 
 
 def _around(x: Tensor, columns: int) -> Tensor:
-    """The columns go round: so many more on each side."""
+    """Circular padding by `columns` on each side."""
     return torch.cat([x[..., -columns:], x, x[..., :columns]], dim=-1)

@@ -1,1 +1,1 @@
-"""Methods of enrichment: each predicts ranges and sigmas on virtual rays. registry.py has their names."""
+"""Enrichment methods, which predict ranges and sigmas on virtual rays; registry.py lists their names."""

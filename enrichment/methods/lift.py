@@ -1,4 +1,4 @@
-"""Lift as a method of enrichment, run by ONNX Runtime."""
+"""Lift as an enrichment method, run by ONNX Runtime."""
 
 from __future__ import annotations
 
@@ -15,20 +15,28 @@ from enrichment.methods.onnx_network import WEIGHTS, Fallback, metadata_number, 
 from slam.data.cloud import Array
 
 NAME = "lift"
-#: Where the scale is larger, the network, which has learned from few streets, is surer of its choice than it should be:
-#: half way to the guess is nearer the truth. Chosen on KITTI 0005 and 0013 by weights that have not seen them.
-UNSURE_SCALE, HALF_WAY = 1.0, np.float32(0.5)  # m
+#: At larger scales the network, trained on few streets, is overconfident: the mean of its range and of the candidate
+#: GUESS is more accurate. Chosen on KITTI 0005 and 0013, by weights trained without them.
+UNCERTAIN_SCALE, GUESS_WEIGHT = 1.0, np.float32(0.5)  # m
 SIGMA = np.float32(1.15)  # half the width of the central 68 % interval of a Laplace distribution, in its scales
 
 
 class LiftMethod:
-    """The method: ranges on all rays between two returns, with the network's own sigma.
+    """Enrichment method Lift: ranges on all rays between two returns, with sigma of the network.
 
-    The camera helps where it sees, and past scans where they are known; without, the rings alone decide. Trusted is
-    every ray that is likely to have a return, however unsure: hedges and edges, where nobody is sure, hold the odometry
-    forward, and it weighs them by sigma. Without weights or ONNX Runtime it is ray-segment, and the log says so once.
-    Raises InputError where the weights are damaged. `parameters` is how many were learned, None where the network
-    cannot run.
+    The image and past scans are used where available; otherwise the rings alone. Every ray that is likely to have a
+    return is trusted, even with a large sigma: uncertain returns (vegetation, depth edges) still constrain the forward
+    motion, and the odometry down-weights them by sigma. Without weights or ONNX Runtime ray-segment is used, and this
+    is logged once.
+
+    Args:
+        folder: Folder of the weights.
+
+    Attributes:
+        parameters: Number of learned parameters, None if the network cannot run.
+
+    Raises:
+        InputError: The weights are damaged.
     """
 
     parameters: int | None = None
@@ -44,6 +52,7 @@ class LiftMethod:
             self._fallback.fault = f"cannot run here ({error})"
 
     def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
+        """Predict ranges between the rings."""
         if self._session is None:
             self._fallback.notice()
             return RaySegment()(scan, grid)
@@ -52,7 +61,7 @@ class LiftMethod:
         trusted = np.zeros(grid.shape, bool)
         rho, scale, valid = self._run(given)
         guess = given.candidates[Candidate.GUESS]
-        rho = np.where((guess > 0) & (scale > UNSURE_SCALE), rho + HALF_WAY * (guess - rho), rho)
+        rho = np.where((guess > 0) & (scale > UNCERTAIN_SCALE), rho + GUESS_WEIGHT * (guess - rho), rho)
         known = given.rays[Ray.KNOWN] > 0
         stretch = (1 / np.cos(grid.sensor.elevation[given.rows])).astype(np.float32)[:, None]
         ranges[given.rows] = np.where(known, rho * stretch, np.float32(0))
@@ -61,7 +70,7 @@ class LiftMethod:
         return Prediction(ranges, sigma, trusted)
 
     def _run(self, given: LiftInput) -> tuple[Array, Array, Array]:
-        """rho, scale and validity, (Q, W) each."""
+        """Return rho, scale and validity, (Q, W) each."""
         assert self._session is not None
         columns = given.rays.shape[-1]
         more = -columns % COLUMN_MULTIPLE

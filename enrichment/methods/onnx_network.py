@@ -1,4 +1,4 @@
-"""The paper's networks as methods of enrichment, run by ONNX Runtime."""
+"""The paper's networks as enrichment methods, run by ONNX Runtime."""
 
 from __future__ import annotations
 
@@ -27,39 +27,55 @@ if TYPE_CHECKING:
 
 WEIGHTS = resources.files("enrichment") / "weights"  # NAME.onnx, as enrichment.networks.export writes them
 
-AFRESH = "install lidarlift afresh, or export the network again"
+REMEDY = "reinstall lidarlift, or export the network again"
 
 log = logging.getLogger(__name__)
 
 
 def has_weights(name: str) -> bool:
-    """Whether a network can run here: its weights are shipped, and ONNX Runtime is installed."""
+    """Check whether a network can run: its weights are shipped, and ONNX Runtime is installed."""
     return (WEIGHTS / f"{name}.onnx").is_file() and find_spec("onnxruntime") is not None
 
 
-SAME_SURFACE = 0.3  # as a share: what is further off than that is another surface; least errors on KITTI raw 0013
+SAME_SURFACE = 0.3  # relative deviation: beyond it a return is on another surface; best value on KITTI raw 0013
 
 
 class Fallback:
-    """Says, once, that ray-segment takes a network's place, and why: its own `fault`, else that of the scan."""
+    """Logs once that ray-segment replaces a network.
+
+    Args:
+        name: Name of the network.
+
+    Attributes:
+        fault: Why the network cannot run at all, '' if it can.
+    """
 
     def __init__(self, name: str) -> None:
         self.fault, self._name, self._told = "", name, False
 
     def notice(self, fault: str = "") -> None:
+        """Log the reason, which is `self.fault` or else the `fault` of the scan."""
         if not self._told:
-            log.warning("%s: %s; ray-segment interpolation takes its place", self._name, self.fault or fault)
+            log.warning("%s: %s; ray-segment interpolation is used instead", self._name, self.fault or fault)
             self._told = True
 
 
 class ImageNetwork(DepthCompletion):
-    """The method: ray-segment, but where a ray meets the network's dense depth image, that, put right by the returns
-    above and below.
+    """Enrichment method that uses a network's depth inside the image, and ray-segment elsewhere.
 
-    Sigma in the image is a share of the spread of depth, as for IP-Basic; the calibration on held-out rings finds out
-    by how much a network's errors differ. Where the network cannot run, for want of an image, of its weights in
-    `folder` or of ONNX Runtime, it is ray-segment alone, and the log says so once. Raises InputError where the weights
-    are there but damaged. `parameters` is how many were learned, None where the network cannot run.
+    The network's depth is rescaled by the returns above and below each ray. Sigma in the image is a share of the spread
+    of depth, as for IP-Basic; online calibration on held-out rings adapts it to the network's errors. If the network
+    cannot run, without an image, weights or ONNX Runtime, ray-segment is used everywhere, and this is logged once.
+
+    Args:
+        name: Name of the network.
+        folder: Folder of the weights.
+
+    Attributes:
+        parameters: Number of learned parameters, None if the network cannot run.
+
+    Raises:
+        InputError: The weights are damaged.
     """
 
     parameters: int | None = None
@@ -74,6 +90,7 @@ class ImageNetwork(DepthCompletion):
             self._fallback.fault = f"cannot run here ({error})"
 
     def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
+        """Predict ranges between the rings."""
         plain = RaySegment()(scan, grid)
         if self._fallback.fault or scan.calibration is None or scan.image is None:
             self._fallback.notice("a scan without an image, or without its calibration")
@@ -87,10 +104,10 @@ class ImageNetwork(DepthCompletion):
         )
 
     def corrected(self, met: Array, rays: ImageRays, dense: Array, scan: SparseScan, grid: RayGrid) -> Array:
-        """As many times farther as the image is off at the returns above and below.
+        """Scale the ranges (M,) by the ratio of measured to predicted depth at the returns above and below.
 
-        A cell is two pixels high, which is two thirds of a metre on the ground 20 m ahead, and a return may lie
-        anywhere in it: the network cannot know its ranges better, but the scan does.
+        A cell is two pixels high, which is two thirds of a metre on the ground 20 m ahead, and a return may be anywhere
+        in it: the network cannot resolve its range, but the scan does.
         """
         ratio = range_correction(dense, scan)
         upper = scan.rows_above(grid.sensor)[rays.row]
@@ -105,28 +122,42 @@ l2l, li2l, f2l = (partial(ImageNetwork, name) for name in ("l2l", "li2l", "f2l")
 
 
 def session(file: Traversable) -> InferenceSession:
-    """What runs a network, on the CPU. Raises as `OnnxNetwork` does."""
+    """Open an inference session of a network on the CPU.
+
+    Raises:
+        FileNotFoundError: The file is missing.
+        ImportError: ONNX Runtime is not installed.
+        InputError: The file is damaged.
+    """
     import onnxruntime
 
     content = file.read_bytes()
     try:
         return onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
-    except Exception as error:  # its own errors have no other class in common
-        raise InputError(f"{file}: no ONNX network, or damaged ({' '.join(str(error).split())}); {AFRESH}") from error
+    except Exception as error:  # ONNX Runtime's errors have no other common base
+        raise InputError(
+            f"{file}: not an ONNX network, or damaged ({' '.join(str(error).split())}); {REMEDY}"
+        ) from error
 
 
 def metadata_number(session: InferenceSession, file: Traversable, name: str) -> float:
-    """A number of a network's metadata. Raises InputError where it is missing."""
+    """Return a number from a network's metadata.
+
+    Raises:
+        InputError: It is missing.
+    """
     try:
         return float(session.get_modelmeta().custom_metadata_map[name])
     except (KeyError, ValueError) as error:
-        raise InputError(f"{file}: a network that does not say its {name}; {AFRESH}") from error
+        raise InputError(f"{file}: the metadata of the network lack '{name}'; {REMEDY}") from error
 
 
 def range_correction(dense: Array, scan: SparseScan) -> Array:
-    """(N,) float32: how many times as far as a dense depth image (H, W) has it each point of the scan really is, within
-    1 / (1 + SAME_SURFACE) and 1 + SAME_SURFACE; NaN where the camera does not see the point or the image has something
-    else there."""
+    """Compute the ratio of measured to predicted depth for each point of the scan, (N,) float32.
+
+    Ratios outside 1 / (1 + SAME_SURFACE) to 1 + SAME_SURFACE are of another surface. They are NaN, as are points that
+    the camera does not see.
+    """
     assert scan.calibration is not None
     pixels, depth = project(scan.cloud.xyz, scan.calibration)
     seen = visible(pixels, depth, dense.shape)
@@ -137,9 +168,19 @@ def range_correction(dense: Array, scan: SparseScan) -> Array:
 
 
 class OnnxNetwork:
-    """A depth completion by a network, at the scale, in cells a pixel, that its file names, with so many parameters.
+    """Depth completion by a network.
 
-    Raises FileNotFoundError without the file, ImportError without ONNX Runtime, InputError where the file is damaged.
+    Args:
+        file: The ONNX file.
+
+    Attributes:
+        scale: Cells per pixel, from the metadata of the file.
+        parameters: Number of learned parameters.
+
+    Raises:
+        FileNotFoundError: The file is missing.
+        ImportError: ONNX Runtime is not installed.
+        InputError: The file is damaged.
     """
 
     def __init__(self, file: Traversable) -> None:
@@ -149,6 +190,7 @@ class OnnxNetwork:
         self.parameters = int(metadata_number(self._session, file, "parameters"))
 
     def __call__(self, sparse: Array, image: Array) -> Array:
+        """Complete a sparse depth image (H, W) [m], given the image (H, W, 3)."""
         if not sparse.any():
             return sparse
         depth = downsampled(sparse, self.scale)
@@ -160,9 +202,9 @@ class OnnxNetwork:
 
 
 def downsampled(sparse: Array, scale: float) -> Array:
-    """A depth image (H, W) [m, 0 = none] with `scale` cells a pixel, at most 1: the nearest depth in each cell.
+    """Downsample a depth image (H, W) [m, 0 = none] to `scale` <= 1 cells per pixel: the nearest depth in each cell.
 
-    Cells are whole: what is left of the image at the right and below is cut off.
+    Partial cells at the right and at the bottom are cut off.
     """
     shape = tuple(int(size * scale) for size in sparse.shape)
     pixels = np.nonzero(sparse)
@@ -174,7 +216,7 @@ def downsampled(sparse: Array, scale: float) -> Array:
 
 
 def upsampled(dense: Array, scale: float, shape: tuple[int, ...]) -> Array:
-    """A depth image of cells at (H, W) pixels, linear in inverse depth; what is no depth, 0 or less, stays none."""
+    """Upsample a depth image of cells to (H, W) pixels, linearly in inverse depth; depths of 0 or less stay none."""
     inverse = np.divide(1, dense, out=np.full(dense.shape, np.nan, np.float32), where=dense > 0)
     u, v = (((np.arange(size) + 0.5) * scale - 0.5).astype(np.float32) for size in shape[::-1])
     inverse = cv2.remap(inverse, *np.meshgrid(u, v), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

@@ -1,4 +1,4 @@
-"""The methods of enrichment by their names; docs/adding-a-method.md tells how another package adds one."""
+"""Registry of the enrichment methods; docs/adding-a-method.md describes how another package adds one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from enrichment.geometry.sparse_scan import Method
     from enrichment.interpolation.depth_completion import DepthCompletion
 
-#: What completes depth images without training. Each is a method, too.
+#: Depth completion without training. Each is an enrichment method, too.
 COMPLETIONS: Registry[DepthCompletion] = Registry(
     "depth completion",
     {
@@ -21,7 +21,7 @@ COMPLETIONS: Registry[DepthCompletion] = Registry(
         "mrf": "enrichment.interpolation.depth_completion:markov_random_field_method",
     },
 )
-#: The paper's networks, by the names of their weights.
+#: The paper's networks by the names of their weights.
 NETWORK_METHODS = {
     "l2l": "enrichment.methods.onnx_network:l2l",
     "li2l": "enrichment.methods.onnx_network:li2l",
@@ -43,17 +43,17 @@ METHODS: Registry[Method] = Registry(
 
 
 def runnable() -> list[str]:
-    """Names of the methods that have all they need here: a network of ours has to have its weights."""
+    """Return the names of the methods that can run: networks need their weights."""
     from enrichment.methods.onnx_network import has_weights
 
     return [name for name in METHODS.names() if name not in (*NETWORK_METHODS, LIFT) or has_weights(name)]
 
 
 def make_methods(names: Collection[str]) -> dict[str, Method]:
-    """The methods of these names.
+    """Create the methods with these names.
 
     Raises:
-        InputError: As `Registry.load`, before any method is made.
+        InputError: As `Registry.load`, before any method is created.
     """
     factories = {name: METHODS.load(name) for name in names}
     return {name: make() for name, make in factories.items()}

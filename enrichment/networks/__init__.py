@@ -1,1 +1,1 @@
-"""The paper's networks in PyTorch. Training imports them; running them needs ONNX Runtime alone."""
+"""The paper's networks in PyTorch, for training; running them requires ONNX Runtime only."""

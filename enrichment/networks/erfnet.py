@@ -10,10 +10,14 @@ EPSILON = 1e-3  # of batch normalisation
 
 
 class ERFNet(nn.Module):
-    """Maps (B, out, H, W) from maps (B, in, H, W), H and W multiples of eight.
+    """ERFNet, from maps (B, in, H, W) to maps (B, out, H, W), H and W multiples of eight.
 
-    `narrow` is how many channels the decoder has at half the resolution: 16 in ERFNet, 32 in Van Gansbeke et al. 2019.
     From 4 to 20 maps it has 2,064,336 parameters.
+
+    Args:
+        channels_in: Number of input maps.
+        channels_out: Number of output maps.
+        narrow: Channels of the decoder at half the resolution: 16 in ERFNet, 32 in Van Gansbeke et al. 2019.
     """
 
     def __init__(self, channels_in: int, channels_out: int, narrow: int = 16) -> None:
@@ -30,17 +34,18 @@ class ERFNet(nn.Module):
         self.to_full = nn.ConvTranspose2d(narrow, channels_out, 2, stride=2)
 
     def forward(self, x: Tensor) -> Tensor:
+        """Compute the output maps."""
         return self.scales(x)[0]
 
     def scales(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """The output, and the decoder's features at 1/2 (`narrow` channels) and at 1/4 of the resolution (64)."""
+        """Compute the output maps, and the decoder's features at 1/2 (`narrow` channels) and 1/4 resolution (64)."""
         quarter = self.to_quarter(self.encoder(x))
         half = self.to_half(quarter)
         return self.to_full(half), half, quarter
 
 
 class _Downsampler(nn.Module):
-    """Half the resolution: a convolution beside the maximum of 2 x 2."""
+    """Downsampling to half the resolution: a convolution concatenated with 2 x 2 max pooling."""
 
     def __init__(self, channels_in: int, channels_out: int) -> None:
         super().__init__()
@@ -53,7 +58,7 @@ class _Downsampler(nn.Module):
 
 
 class _Upsampler(nn.Sequential):
-    """Twice the resolution."""
+    """Upsampling to twice the resolution."""
 
     def __init__(self, channels_in: int, channels_out: int) -> None:
         super().__init__(
@@ -64,7 +69,7 @@ class _Upsampler(nn.Sequential):
 
 
 class _NonBottleneck1D(nn.Module):
-    """A residual block of two 3 x 3 convolutions, each factorised into 3 x 1 and 1 x 3, the second one dilated."""
+    """Residual block of two 3 x 3 convolutions, each factorised into 3 x 1 and 1 x 3, the second one dilated."""
 
     def __init__(self, channels: int, dropout: float = 0.0, dilation: int = 1) -> None:
         super().__init__()

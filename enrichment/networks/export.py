@@ -1,4 +1,4 @@
-"""A trained network to files: ONNX to run it, safetensors to train it further."""
+"""Export of a trained network: ONNX for running it, safetensors for further training."""
 
 from __future__ import annotations
 
@@ -19,25 +19,40 @@ from slam.data.atomic import written_beside
 from slam.data.errors import InputError
 
 OPSET = 18
-EXAMPLE = 37, 50  # height and width while it is traced; both stay free
+EXAMPLE = 37, 50  # height and width for tracing; both stay dynamic
 FREE = {2: "height", 3: "width"}
-LIFT_EXAMPLE = 5, 7, 96  # rings, rows and columns of Lift while it is traced; all stay free
+LIFT_EXAMPLE = 5, 7, 96  # rings, rows and columns of Lift for tracing; all stay dynamic
 
 
 def export(network: DepthNetwork, folder: Path, name: str, scale: float = 1.0) -> None:
-    """Write NAME.onnx and NAME.safetensors, for images of `scale` cells a pixel. Raises InputError where it cannot.
+    """Write a depth completion network as NAME.onnx and NAME.safetensors.
 
-    The ONNX file maps `image` (1, 3, H, W) and `depth` (1, 1, H, W) to `dense` (1, 1, H, W) as `DepthNetwork.forward`
-    does, for any H and W. A network that does not look at the image has no such input. `scale` is in the metadata of
-    both, beside what `write` puts there.
+    The ONNX file maps `image` (1, 3, H, W) and `depth` (1, 1, H, W) to `dense` (1, 1, H, W) as `DepthNetwork.forward`,
+    for any H and W. A network that does not use the image has no such input. The metadata of both files contain
+    `scale` and those of `write`.
+
+    Args:
+        network: The trained network.
+        folder: Folder of the files.
+        name: Name of the files.
+        scale: Cells per pixel of the network's images.
+
+    Raises:
+        InputError: The files cannot be written.
     """
     given = {"image": torch.rand(1, 3, *EXAMPLE), "depth": torch.rand(1, 1, *EXAMPLE)}
     write(network, folder, name, {"scale": repr(scale)}, given, ["dense"], dict.fromkeys([*given, "dense"], FREE))
 
 
 def export_lift(network: Lift, folder: Path, name: str = "lift") -> None:
-    """The same for Lift: `rings`, `upper`, `rays` and `candidates` to `ranges`, `scale` and `valid`, as its `forward`
-    has them, for any number of rings, rows and columns (inside 8)."""
+    """Write Lift as NAME.onnx and NAME.safetensors.
+
+    The ONNX file maps `rings`, `upper`, `rays` and `candidates` to `ranges`, `scale` and `valid` as `Lift.forward`, for
+    any number of rings, rows and columns (a multiple of 8).
+
+    Raises:
+        InputError: The files cannot be written.
+    """
     rings, rows, columns = LIFT_EXAMPLE
     given = {
         "rings": torch.rand(1, channels.RINGS, rings, columns),
@@ -53,7 +68,7 @@ def export_lift(network: Lift, folder: Path, name: str = "lift") -> None:
 
 
 class _Answers(nn.Module):
-    """Lift without the weights of its candidates, which only training needs."""
+    """Lift without the logits of its candidates, which only training needs."""
 
     def __init__(self, network: Lift) -> None:
         super().__init__()
@@ -73,15 +88,20 @@ def write(
     answers: list[str],
     axes: dict[str, dict[int, str]],
 ) -> None:
-    """NAME.onnx and NAME.safetensors, without dropout and with batch normalisation's own means.
+    """Write NAME.onnx and NAME.safetensors in evaluation mode, without dropout.
 
-    given    an example of the inputs, by name
-    answers  names of the outputs
-    axes     those of inputs and outputs that stay free
+    The metadata of both are `about`, the network's name and the number of its parameters. Weights of convolutions are
+    stored in half precision, and the network is rounded to the stored values, so that both files and the network itself
+    give the same depth. Computations are in single precision.
 
-    The metadata of both are `about`, the network's name and the number of its parameters. Convolutions' weights are
-    stored in half precision, and the network is rounded to what is stored: both files and the network itself give the
-    same depth. All computing is in single precision.
+    Args:
+        network: The trained network; its weights are rounded.
+        folder: Folder of the files.
+        name: Name of the files.
+        about: Metadata.
+        given: Example inputs by name.
+        answers: Names of the outputs.
+        axes: Dynamic axes of inputs and outputs.
     """
     _round(network)
     parameters = sum(values.numel() for values in network.parameters())
@@ -104,12 +124,12 @@ def _round(network: nn.Module) -> None:
 
 
 def _stored(values: Tensor) -> Tensor:
-    """Biases, and what batch normalisation has, stay as they are: they are few."""
+    """The values as stored; biases and batch normalisation, which are few, keep single precision."""
     return values.half() if values.is_floating_point() and values.dim() > 1 else values
 
 
 def _halve(graph: onnx.GraphProto) -> None:
-    """Let convolutions' weights be stored in half precision, each with a cast that ONNX Runtime does once."""
+    """Store weights of convolutions in half precision, each with a cast that ONNX Runtime runs once."""
     casts = []
     for weights in graph.initializer:
         if weights.data_type == onnx.TensorProto.FLOAT and len(weights.dims) > 1:
@@ -124,7 +144,7 @@ def _halve(graph: onnx.GraphProto) -> None:
 def _write_onnx(
     network: nn.Module, path: Path, given: dict[str, Tensor], answers: list[str], axes: dict[str, dict[int, str]]
 ) -> None:
-    """By tracing: the exporter behind `dynamo=True` takes 20 s for what this does in one, and gives the same graph."""
+    """Write ONNX by tracing: the exporter of `dynamo=True` takes 20 s instead of one, and gives the same graph."""
     training, device = network.training, next(network.parameters()).device
     try:
         with warnings.catch_warnings():
@@ -132,7 +152,7 @@ def _write_onnx(
             torch.onnx.export(
                 network.eval(), tuple(values.to(device) for values in given.values()), str(path), dynamo=False,
                 opset_version=OPSET, do_constant_folding=False,
-                training=torch.onnx.TrainingMode.PRESERVE,  # batch normalisation stays apart from rounded weights
+                training=torch.onnx.TrainingMode.PRESERVE,  # batch normalisation is not fused with rounded weights
                 input_names=list(given), output_names=answers, dynamic_axes=axes,
             )  # fmt: skip
     finally:
@@ -140,8 +160,14 @@ def _write_onnx(
 
 
 def load_weights(network: nn.Module, path: Path) -> None:
-    """Weights from a .safetensors file into the network of the same kind. Raises InputError where they do not fit."""
+    """Load weights from a .safetensors file into a network of the same kind.
+
+    Raises:
+        InputError: The weights do not fit.
+    """
     try:
         network.load_state_dict(load_file(path))
     except (OSError, SafetensorError, RuntimeError) as error:
-        raise InputError(f"{path}: no weights of {type(network).__name__} ({' '.join(str(error).split())})") from error
+        raise InputError(
+            f"{path}: not the weights of {type(network).__name__} ({' '.join(str(error).split())}); give another file"
+        ) from error

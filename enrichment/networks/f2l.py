@@ -1,4 +1,4 @@
-"""F2L: the paper's own network, image features and LiDAR depth fused."""
+"""F2L: the paper's own network, a fusion of image features and LiDAR depth."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from enrichment.networks.depth_network import DepthNetwork, he
 from enrichment.networks.erfnet import ERFNet
 from enrichment.networks.sparse_convolution import SCNN
 
-FEATURES = 20  # maps that ERFNet gives to the head
-WIDTH = 32  # filters of each layer of the head
+FEATURES = 20  # maps from ERFNet to the head
+WIDTH = 32  # filters per layer of the head
 
 
 class F2L(DepthNetwork):
     """ERFNet on the image and the sparse depth, SCNN on the sparse depth, and a head on the 21 maps of both.
 
     The head is Table I of Yue et al., four convolutions with ReLU; the projection of its 32 maps to one is not in the
-    table and was added. Nearly all of the work is in its 11 x 11 and 7 x 7: `light` makes each of these a convolution
-    of every map by itself and one of size 1 across maps, a twentieth of the work.
+    table and was added. Nearly all of the computation is in the 11 x 11 and 7 x 7 convolutions.
+
+    Args:
+        light: Use depthwise separable convolutions for these two, with a twentieth of the computation.
     """
 
     def __init__(self, light: bool = False) -> None:
@@ -37,8 +39,7 @@ class F2L(DepthNetwork):
         self._start_with_scnn()
 
     def _start_with_scnn(self) -> None:
-        """Let the head's first channel pass SCNN's map on, and the output be that channel: what it has to learn is how
-        the image changes that depth."""
+        """Initialise the head so that its output is SCNN's map: it learns how the image changes that depth."""
         channel = FEATURES
         with torch.no_grad():
             for layer in (module for module in self.head.modules() if isinstance(module, nn.Conv2d)):
@@ -49,6 +50,7 @@ class F2L(DepthNetwork):
                 channel = row
 
     def complete(self, image: Tensor, depth: Tensor) -> Tensor:
+        """Complete depth in units of FAR."""
         features = self.erfnet(torch.cat([image, depth], dim=1))
         dense: Tensor = self.head(torch.cat([features, self.scnn(depth)], dim=1))
         return dense

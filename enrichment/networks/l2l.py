@@ -1,4 +1,4 @@
-"""L2L: LiDAR only."""
+"""L2L: depth completion from LiDAR only."""
 
 from __future__ import annotations
 
@@ -16,5 +16,6 @@ class L2L(DepthNetwork):
         self.scnn = SCNN()
 
     def complete(self, image: Tensor, depth: Tensor) -> Tensor:
+        """Complete depth in units of FAR."""
         dense: Tensor = self.scnn(depth)
         return dense

@@ -1,5 +1,8 @@
-"""LI2L: LiDAR and image apart, each branch with a confidence (Van Gansbeke, Neven, De Brabandere, Van Gool, "Sparse and
-Noisy LiDAR Completion with RGB Guidance and Uncertainty", MVA 2019)."""
+"""LI2L: separate branches for LiDAR and image, each with a confidence.
+
+Van Gansbeke, Neven, De Brabandere, Van Gool, "Sparse and Noisy LiDAR Completion with RGB Guidance and Uncertainty", MVA
+2019.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +13,14 @@ from torch.nn import functional
 from enrichment.networks.depth_network import DepthNetwork, he
 from enrichment.networks.erfnet import ERFNet
 
-WIDTH = 32  # channels of the local branch at full resolution, and of ERFNet's decoder at half of it
+WIDTH = 32  # channels of the local branch at full resolution, and of ERFNet's decoder at half resolution
 
 
 class LI2L(DepthNetwork):
     """A global branch, ERFNet on image and depth, and a local one, two hourglasses on depth and the global guidance.
 
-    Each gives a depth and a confidence; the softmax of the confidences weighs the depths. 2,544,753 parameters: 387
-    fewer than the authors' network, which carries the 1 x 1 classifier of ERFNet's encoder and never uses it.
+    Each predicts a depth and a confidence; the softmax of the confidences weights the depths. It has 2,544,753
+    parameters: 387 fewer than the authors' network, which includes the unused 1 x 1 classifier of ERFNet's encoder.
     """
 
     def __init__(self) -> None:
@@ -26,6 +29,7 @@ class LI2L(DepthNetwork):
         self.local = _Local().apply(he)
 
     def complete(self, image: Tensor, depth: Tensor) -> Tensor:
+        """Complete depth in units of FAR."""
         maps, half, quarter = self.erfnet.scales(torch.cat([image, depth], dim=1))
         guidance, global_depth, global_confidence = maps.split(1, dim=1)
         local_depth, local_confidence = self.local(torch.cat([depth, guidance], dim=1), half, quarter).split(1, dim=1)
@@ -50,7 +54,7 @@ class _Local(nn.Module):
 
 
 class _GuidedHourglass(nn.Module):
-    """Down to 1/4 of the resolution and up again; at 1/2 and 1/4 ERFNet's features are put beside its own."""
+    """Hourglass down to 1/4 of the resolution; at 1/2 and 1/4 ERFNet's features are concatenated."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -60,14 +64,14 @@ class _GuidedHourglass(nn.Module):
         self.up = nn.Sequential(_upsampling(four, two), nn.ReLU(), _upsampling(two, WIDTH))
 
     def forward(self, x: Tensor, half: Tensor, quarter: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Full resolution, WIDTH channels; 1/2, twice as many; 1/4, four times as many."""
+        """Return features at full resolution (WIDTH channels), 1/2 (twice as many) and 1/4 (four times as many)."""
         half = torch.cat([self.to_half(x), half], dim=1)
         quarter = torch.cat([self.to_quarter(half), quarter], dim=1)
         return self.up(quarter), half, quarter
 
 
 class _RefiningHourglass(nn.Module):
-    """Down to 1/4 of the resolution and up again; at 1/2 and 1/4 the features of the hourglass before are added."""
+    """Hourglass down to 1/4 of the resolution; at 1/2 and 1/4 the features of the first hourglass are added."""
 
     def __init__(self) -> None:
         super().__init__()

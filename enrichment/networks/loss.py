@@ -1,20 +1,29 @@
-"""What the networks are trained to make small."""
+"""Training loss of the depth completion networks."""
 
 from __future__ import annotations
 
 from torch import Tensor
 
-LAMBDA = 0.0002  # of equation 2: weight of the absolute error against the squared one
+LAMBDA = 0.0002  # weight of the absolute error relative to the squared one, equation 2
 
 
 def depth_loss(depth: Tensor, truth: Tensor, absolute: float = LAMBDA) -> Tensor:
-    """Equation 2 of Yue et al., (d - d*)^2 + absolute |d - d*| in metres, over the pixels that have truth.
+    """Compute equation 2 of Yue et al., (d - d*)^2 + absolute |d - d*| in metres, over the pixels with ground truth.
 
-    With LAMBDA, the paper's, it is a squared error, which few pixels at edges rule: it makes means of what is before
-    and behind. An `absolute` of 10 lets errors of up to 10 m count by their size, as the MAE does.
-    The mean over these pixels of an image where the equation has the sum, and of these the mean over the images that
-    have any: neither the learning rate nor the figure depends on how many there are, and a simulated image, which has
-    truth everywhere, counts no more than a recorded one. 0 without any. Both are (B, 1, H, W), truth 0 = none.
+    With the paper's LAMBDA it is a squared error that few pixels at edges dominate, and predictions there are means of
+    foreground and background. With `absolute` = 10, errors of up to 10 m count linearly, as in the MAE.
+
+    The equation's sum over pixels is replaced by the mean per image, averaged over the images with ground truth: the
+    learning rate does not depend on the number of pixels, and a simulated image, which has ground truth everywhere,
+    counts no more than a recorded one.
+
+    Args:
+        depth: Predicted depth (B, 1, H, W) [m].
+        truth: True depth (B, 1, H, W) [m], 0 = none.
+        absolute: Weight of the absolute error.
+
+    Returns:
+        The loss; 0 without any ground truth.
     """
     known = truth > 0
     error = (depth - truth) * known

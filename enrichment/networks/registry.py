@@ -1,4 +1,4 @@
-"""The networks that are trained for depth images, by their names."""
+"""Registry of the depth completion networks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slam.data.registry import Registry
 if TYPE_CHECKING:
     from enrichment.networks.depth_network import DepthNetwork
 
-#: A factory makes the network untrained, with weights drawn from torch's own generator.
+#: A factory creates an untrained network with random weights from torch's global generator.
 NETWORKS: Registry[DepthNetwork] = Registry(
     "network",
     {

@@ -1,1 +1,1 @@
-"""The paper's two studies: what sparse frequencies keep of a depth image, and what image edges say of depth."""
+"""The paper's two studies: sparsity of depth images in frequency, and image edges as predictors of depth edges."""

@@ -1,4 +1,4 @@
-"""Dense depth images to study: all rings of a scan filled in, a simulation's exact ones, and where depth jumps."""
+"""Dense depth images for the studies, interpolated or exact, and their discontinuities."""
 
 from __future__ import annotations
 
@@ -14,22 +14,23 @@ from slam.data.cloud import Array, Frame
 from slam.data.depth_map import read_depth_map
 from slam.data.errors import InputError
 
-NEAR = 6  # pixels: gaps between returns up to twice as wide are filled in
-FILLED = 0.75  # share of a row, or column, that must be known: the rest is cut off
-FARTHEST = 80.0  # m: what is beyond, the sky too, counts as so far away
-#: Pixels between the two sides of a jump, down and across: returns are up to six rows apart and three columns.
+NEAR = 6  # pixels: gaps of up to twice this width between returns are interpolated
+FILLED = 0.75  # minimum share of known pixels of a row or column; others are cut off
+FARTHEST = 80.0  # m: larger depths, and the sky, are clipped to it
+#: Pixels between the two sides of a jump, vertical and horizontal: returns are up to six rows and three columns apart.
 GAPS = (6, 4)
-JUMP = 0.1  # the nearer side is at most 0.9 times as far as the other
+JUMP = 0.1  # minimum relative difference of depth across a discontinuity
 
 
 @dataclass(frozen=True, eq=False)
 class DepthImage:
-    """The depth of an image, in every pixel.
+    """Dense depth of an image.
 
-    depth   (H, W) float64, metres
-    known   (H, W) bool: measured nearby, not filled in across a gap
-    image   (H, W, 3) uint8 RGB, the same pixels
-    number  of the frame
+    Attributes:
+        depth: (H, W) float64 [m].
+        known: (H, W) bool, measured nearby, not interpolated across a wide gap.
+        image: (H, W, 3) uint8 RGB, the same pixels.
+        number: Number of the frame.
     """
 
     depth: Array
@@ -39,14 +40,17 @@ class DepthImage:
 
 
 def of_scan(frame: Frame) -> tuple[DepthImage, tuple[slice, slice]]:
-    """The returns that the camera sees, joined by Delaunay triangles, linear in inverse depth as planes are.
+    """Interpolate the returns that the camera sees by Delaunay triangles, linearly in inverse depth: exact on planes.
 
-    Cut to the rows and columns that returns fill, which come second. Raises InputError where the frame has no
-    image or calibration, or the camera sees too few returns.
+    Returns:
+        The depth image, cut to the rows and columns that returns fill, and these rows and columns.
+
+    Raises:
+        InputError: The frame has no image or calibration, or the camera sees too few returns.
     """
     image = frame.image
     if image is None or frame.calibration is None:
-        raise InputError(f"scan {frame.index}: no image or no camera calibration; the studies need both")
+        raise InputError(f"scan {frame.index}: no image or no camera calibration; studies need both")
     pixels, depth = project(frame.cloud.xyz, frame.calibration)
     seen = visible(pixels, depth, image.shape)
     if seen.sum() < 100:
@@ -62,7 +66,7 @@ def of_scan(frame: Frame) -> tuple[DepthImage, tuple[slice, slice]]:
 
 
 def exact(folder: Path, scan: DepthImage, window: tuple[slice, slice]) -> DepthImage | None:
-    """The same pixels of the exact depth that `lidarlift simulate --with-depth` wrote, if it did."""
+    """Read the same pixels of the exact depth that `lidarlift simulate --with-depth` writes; None without it."""
     path = folder / "depth_2" / f"{scan.number:06d}.png"
     if not path.is_file():
         return None
@@ -72,16 +76,16 @@ def exact(folder: Path, scan: DepthImage, window: tuple[slice, slice]) -> DepthI
 
 
 def steps(values: Array) -> Array:
-    """(2, H, W): how much larger values (H, W) are half of GAPS below each pixel than above it, and right than left."""
+    """Compute the differences (2, H, W) of values (H, W) below minus above and right minus left, GAPS apart."""
     return np.stack([_filtered(values, axis, gap, (-1.0, 1.0)) for axis, gap in enumerate(GAPS)])
 
 
 def jumps(depth: Array) -> Array:
-    """(2, H, W), down and across: how much nearer one side of a pixel is than the other, 1 - near / far.
+    """Compute the relative depth difference across each pixel, 1 - near / far, (2, H, W), vertical and horizontal.
 
-    On planes inverse depth is linear in the image. Each side, half of GAPS away, is also continued to the pixel as a
-    plane, and the smaller of the two differences counts: slopes have none, however steep, and folds hardly any. 0 where
-    the image's border is too near to tell.
+    On planes inverse depth is linear in the image. Both sides, half of GAPS away, are also extrapolated to the pixel as
+    planes, and the smaller of the two differences is taken: it vanishes on slopes and nearly on folds. It is 0 close to
+    the border of the image.
     """
     inverse = 1 / depth
     continued = np.stack([_filtered(inverse, axis, gap, (0.5, -1.5, 1.5, -0.5)) for axis, gap in enumerate(GAPS)])
@@ -94,24 +98,24 @@ def jumps(depth: Array) -> Array:
 
 
 def discontinuities(depth: Array) -> Array:
-    """(2, H, W) bool: the lines, one or two pixels wide, along which depth jumps down, and across."""
+    """Compute the lines, one or two pixels wide, along which depth jumps, (2, H, W) bool, vertical and horizontal."""
     result = np.empty((2, *depth.shape), bool)
     for axis, (gap, size) in enumerate(zip(GAPS, jumps(depth), strict=True)):
-        ridge = uniform_filter1d(size, gap + 1, axis, mode="nearest")  # a jump is as large half a gap beside it
+        ridge = uniform_filter1d(size, gap + 1, axis, mode="nearest")  # a jump has a plateau of one gap's width
         top = ridge >= maximum_filter1d(ridge, 2 * gap + 1, axis, mode="nearest") - 1e-9
         result[axis] = top & (size > JUMP)
     return result
 
 
 def _filtered(values: Array, axis: int, gap: int, weights: tuple[float, ...]) -> Array:
-    """Values (H, W) weighted around each pixel, so many pixels apart."""
+    """Correlate values (H, W) with weights that are `gap` pixels apart."""
     spread = np.zeros(gap * (len(weights) - 1) + 1)
     spread[::gap] = weights
     return np.asarray(correlate1d(values, spread, axis, mode="nearest"))
 
 
 def _among(pixels: Array, shape: tuple[int, int]) -> Array:
-    """(H, W) bool: which pixels lie among those at `pixels` (N, 2), columns and rows: a closing by discs."""
+    """Pixels (H, W) bool among those at `pixels` (N, 2), columns and rows: a closing by discs."""
     empty = np.ones(shape, bool)
     column, row = nearest_pixel(pixels)
     empty[row, column] = False
@@ -120,12 +124,12 @@ def _among(pixels: Array, shape: tuple[int, int]) -> Array:
 
 
 def _window(known: Array) -> tuple[slice, slice]:
-    """The rows, and of these the columns, from the first to the last that is filled."""
+    """The rows, and then the columns, from the first to the last that is filled."""
     parts: list[slice] = []
     for axis in (1, 0):
         filled = np.flatnonzero(known.mean(axis=axis) >= FILLED)
         if len(filled) == 0:
-            raise InputError("the camera sees no more than a corner of the scans; is the calibration right?")
+            raise InputError("the camera sees only a corner of the scans; is the calibration right?")
         parts.append(slice(int(filled[0]), int(filled[-1]) + 1))
         known = known[parts[0]]
     return parts[0], parts[1]

@@ -1,6 +1,6 @@
-"""What edges in the image say of depth: how many of them lie on depth discontinuities, and how many of those they find.
+"""Image edges as predictors of depth discontinuities: precision and recall over the threshold of the detector.
 
-The comparison of Yue et al. (their Fig. 3), with figures: precision and recall over the detector's threshold.
+The comparison of Yue et al. (their Fig. 3), with figures.
 """
 
 from __future__ import annotations
@@ -15,31 +15,31 @@ from enrichment.studies.depth_image import DepthImage, discontinuities
 from enrichment.studies.figures import Figures, mean
 from slam.data.cloud import Array
 
-THRESHOLDS = (10, 20, 40, 60, 90, 130, 180, 250, 350)  # grey levels, by Sobel's filter: eight times those a pixel
-BLUR = 1.0  # pixels, before gradients are taken
+THRESHOLDS = (10, 20, 40, 60, 90, 130, 180, 250, 350)  # of Sobel's filter: eight times the grey levels per pixel
+BLUR = 1.0  # pixels, standard deviation before the gradient
 TOLERANCE = 3  # pixels: returns are up to six rows and three columns apart
 
 PROTOCOL = {
-    "canny": "Canny's edges, the lower threshold half of the upper one, which is given",
+    "canny": "Canny edges; the given threshold is the upper one, the lower one is half of it",
     "gradient": "pixels whose gradient magnitude (Sobel) is above the threshold",
     "precision": "share of the edge pixels within 3 pixels of a depth discontinuity",
-    "recall": "share of the discontinuities' pixels within 3 pixels of an edge",
-    "chance": "the same for edges, or discontinuities, strewn evenly over the image: what counts is the distance to it",
-    "discontinuity": "nearer by more than 10 % on one side than on the other, both sides continued as planes",
+    "recall": "share of the discontinuity pixels within 3 pixels of an edge",
+    "chance": "the same for edges or discontinuities that are spread uniformly over the image, as a baseline",
+    "discontinuity": "depth differs by more than 10 % across it, also when both sides are extrapolated as planes",
     "where": "pixels among the LiDAR's returns; means over images",
 }
 
 
 @dataclass(frozen=True)
 class EdgeFigures:
-    """How the edges of an image lie to its depth discontinuities; shares, 0..1, as `PROTOCOL` has them.
+    """Agreement of the edges of an image with its depth discontinuities; shares, 0..1, see `PROTOCOL`.
 
     Attributes:
         edges: Share of the pixels that are edges.
         precision: Share of the edges that are near a discontinuity.
-        precision_by_chance: The same of edges strewn evenly.
+        precision_by_chance: Precision of uniformly spread edges.
         recall: Share of the discontinuities that are near an edge.
-        recall_by_chance: The same of discontinuities strewn evenly.
+        recall_by_chance: Recall of uniformly spread discontinuities.
     """
 
     edges: float
@@ -50,14 +50,14 @@ class EdgeFigures:
 
 
 def canny(grey: Array, threshold: float) -> Array:
-    """(H, W) bool: Canny's edges in a grey image (H, W) uint8."""
+    """Detect Canny edges (H, W) bool in a grey image (H, W) uint8."""
     import cv2
 
     return np.asarray(cv2.Canny(_blurred(grey), threshold / 2, threshold, L2gradient=True)) > 0
 
 
 def gradient(grey: Array, threshold: float) -> Array:
-    """(H, W) bool: where a grey image (H, W) uint8 changes faster."""
+    """Select pixels (H, W) bool of a grey image (H, W) uint8 with a gradient above the threshold."""
     import cv2
 
     across, down = (cv2.Sobel(_blurred(grey), cv2.CV_32F, *order) for order in ((1, 0), (0, 1)))
@@ -68,7 +68,7 @@ DETECTORS: dict[str, Callable[[Array, float], Array]] = {"canny": canny, "gradie
 
 
 def edges(image: DepthImage) -> Figures[EdgeFigures]:
-    """[detector][threshold] -> figures of one image."""
+    """Compute the figures [detector][threshold] of one image."""
     grey, lines = grey_of(image), discontinuities(image.depth).any(axis=0) & image.known
     return {
         name: {threshold: _figures(detect(grey, threshold), lines, image.known) for threshold in THRESHOLDS}
@@ -77,14 +77,14 @@ def edges(image: DepthImage) -> Figures[EdgeFigures]:
 
 
 def grey_of(image: DepthImage) -> Array:
-    """(H, W) uint8."""
+    """Return the grey image (H, W) uint8."""
     import cv2
 
     return np.asarray(cv2.cvtColor(np.ascontiguousarray(image.image), cv2.COLOR_RGB2GRAY))
 
 
 def near(lines: Array) -> Array:
-    """(H, W) bool: which pixels are within TOLERANCE of lines (H, W) bool."""
+    """Select the pixels (H, W) bool within TOLERANCE of lines (H, W) bool."""
     if not lines.any():
         return np.zeros_like(lines)
     return np.asarray(distance_transform_edt(~lines) <= TOLERANCE)

@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound="DataclassInstance")
 
-#: [what was tried][how much of it] -> figures, numbers all; NaN where there was nothing to measure
+#: [variant][amount] -> figures, all numbers; NaN if there was nothing to measure
 Figures = Mapping[str, Mapping[float, F]]
 
 
 def mean_figures(images: Sequence[Figures[F]]) -> Figures[F]:
-    """The mean of every figure over the images that have it, NaN where none has.
+    """Average each figure over the images that have it; NaN if none has.
 
     Args:
-        images: The figures of each, at least one; all have the same keys.
+        images: Figures of each image, at least one; all have the same keys.
 
     Returns:
-        Figures with these keys.
+        Figures with the same keys.
     """
     return {
         tried: {amount: _mean([image[tried][amount] for image in images]) for amount in amounts}
@@ -35,7 +35,7 @@ def mean_figures(images: Sequence[Figures[F]]) -> Figures[F]:
 
 
 def mean(values: Array | Sequence[float]) -> float:
-    """Without what is not a number; NaN where nothing is left."""
+    """Return the mean of the finite values; NaN without any."""
     found = np.asarray(values, float)
     found = found[np.isfinite(found)]
     return float(found.mean()) if found.size else float("nan")

@@ -1,4 +1,4 @@
-"""The pictures of the studies: one frame, and the figures of all."""
+"""Plots of the studies: one frame, and curves of the figures over all frames."""
 
 from __future__ import annotations
 
@@ -19,22 +19,26 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHOWN = (1 / 4, 1 / 16, 1 / 64)  # fractions of the coefficients that reconstructions are shown of
-SHOWN_THRESHOLD = 90  # of Canny's edges in the picture
-NEAREST = 4.0  # m, where the colours of depth begin
+SHOWN = (1 / 4, 1 / 16, 1 / 64)  # fractions of the coefficients of the reconstructions shown
+SHOWN_THRESHOLD = 90  # threshold of the Canny edges shown
+NEAREST = 4.0  # m, lower end of the colour scale of depth
 WIDTH = 13.0  # inches
 COLOURS = (BLUE, VERMILION)
 DPI = 120
-BOTH, EDGE_ONLY, JUMP_ONLY = (0, 255, 130), (255, 150, 0), (255, 90, 220)  # brighter, on a dark picture
-LINES = ("-", "--")  # a style a source of depth
+BOTH, EDGE_ONLY, JUMP_ONLY = (0, 255, 130), (255, 150, 0), (255, 90, 220)  # bright, for a dark background
+LINES = ("-", "--")  # a line style for each source of depth
 
 
 def draw_sparsity(
     image: DepthImage, sources: Mapping[str, Figures[SparsityFigures]], title: str, path_png: Path
 ) -> None:
-    """A frame's depth from fewer and fewer coefficients, and the error and what discontinuities keep over fractions.
+    """Draw reconstructions of a depth image from few coefficients, and curves of the error and of preserved heights.
 
-    `sources` has the figures by where depth came from ("64 rings, filled", "exact"). `image` is one of the first.
+    Args:
+        image: Depth image of one frame.
+        sources: Figures by source of the depth.
+        title: Title of the figure.
+        path_png: The file to write, atomically.
     """
     rows = 1 + len(SHOWN)
     figure, panels, curves = _layout(title, rows, image)
@@ -63,12 +67,12 @@ def draw_sparsity(
 
 
 def draw_edges(image: DepthImage, sources: Mapping[str, Figures[EdgeFigures]], title: str, path_png: Path) -> None:
-    """A frame with its edges and depth discontinuities, and precision over recall as the threshold rises."""
+    """Draw a frame with its edges and depth discontinuities, and precision over recall for all thresholds."""
     figure, panels, curves = _layout(title, 2, image, columns=1)
     panels[0, 0].imshow(overlay(image))
     panels[0, 0].set_title(
-        f"Canny's edges, threshold {SHOWN_THRESHOLD}: green on a depth discontinuity, orange not; "
-        "pink: discontinuities without an edge; darker: no returns",
+        f"Canny edges, threshold {SHOWN_THRESHOLD}: green on a depth discontinuity, orange elsewhere; "
+        "pink: discontinuities without an edge; dark: no returns",
         **_small(),
     )
     _depth(panels[1, 0], image.depth, "depth (red near, blue far)")
@@ -92,7 +96,7 @@ def draw_edges(image: DepthImage, sources: Mapping[str, Figures[EdgeFigures]], t
 
 
 def overlay(image: DepthImage) -> Array:
-    """(H, W, 3) uint8: the image, grey and darkened, with its edges and the discontinuities of its depth."""
+    """Draw edges and depth discontinuities over a darkened grey image; (H, W, 3) uint8."""
     lines = discontinuities(image.depth).any(axis=0) & image.known
     found = canny(grey_of(image), SHOWN_THRESHOLD) & image.known
     shades = np.where(image.known, 0.6, 0.2) * grey_of(image)
@@ -104,7 +108,7 @@ def overlay(image: DepthImage) -> Array:
 
 
 def _layout(title: str, rows: int, image: DepthImage, columns: int = 2) -> tuple[Figure, Any, Any]:
-    """A figure, its panels of images (rows, columns), and two for curves below them."""
+    """A figure, its image panels (rows, columns), and two panels for curves below them."""
     from matplotlib.figure import Figure
 
     height, width = image.depth.shape
@@ -120,7 +124,7 @@ def _layout(title: str, rows: int, image: DepthImage, columns: int = 2) -> tuple
 
 
 def _depth(axes: Axes, depth: Array, title: str) -> None:
-    """Colours by the logarithm of depth, near to far."""
+    """Show depth with a logarithmic colour scale."""
     axes.imshow(np.log(np.clip(depth, NEAREST, FARTHEST)), cmap="turbo_r", vmin=np.log(NEAREST), vmax=np.log(FARTHEST))
     axes.set_title(title, **_small())
 

@@ -1,6 +1,6 @@
-"""How few frequencies a depth image needs: keep some coefficients of its cosine transform, and look what is left.
+"""Sparsity of depth images in frequency: reconstruction from few coefficients of the cosine transform.
 
-The sparsity study of Yue et al. (their Fig. 2), with figures: above all, whether depth discontinuities survive.
+The sparsity study of Yue et al. (their Fig. 2), with figures, above all on the preservation of depth discontinuities.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from enrichment.studies.figures import Figures, mean
 from slam.data.cloud import Array
 
 FRACTIONS = tuple(2.0**-k for k in range(7))
-BESIDE = 3  # pixels: so near to a discontinuity an error counts as at it
-PRESERVED = 0.5  # share of its height that a discontinuity must keep
+AT_JUMP = 3  # pixels: an error within this distance of a discontinuity counts as at it
+PRESERVED = 0.5  # minimum share of its height that a preserved discontinuity keeps
 
 PROTOCOL = {
     "transform": "two-dimensional cosine transform (DCT-II, orthonormal) of depth in metres",
-    "largest": "the coefficients of largest magnitude are kept, wherever they are",
-    "lowest": "the block of lowest frequencies is kept, the same share of rows as of columns",
+    "largest": "the coefficients of largest magnitude are kept",
+    "lowest": "the block of lowest frequencies is kept, with equal shares of rows and columns",
     "errors": "mean over images, in metres; at jumps: within 3 pixels of a depth discontinuity",
-    "discontinuity": "nearer by more than 10 % on one side than on the other, both sides continued as planes",
+    "discontinuity": "depth differs by more than 10 % across it, also when both sides are extrapolated as planes",
     "height kept": "sum of the reconstructed depth differences across discontinuities / sum of the original ones",
     "preserved": "share of the pixels on discontinuities that keep at least half of their height",
 }
@@ -33,15 +33,15 @@ PROTOCOL = {
 
 @dataclass(frozen=True)
 class SparsityFigures:
-    """What is left of a depth image, as `PROTOCOL` has it.
+    """Errors of a reconstructed depth image, see `PROTOCOL`.
 
     Attributes:
         mae_m: Mean absolute error [m].
-        rmse_m: Root of the mean square error [m].
+        rmse_m: Root mean square error [m].
         mae_at_jumps_m: Mean absolute error at depth discontinuities [m].
         mae_elsewhere_m: Mean absolute error elsewhere [m].
-        height_kept: Share of the discontinuities' height that is left, 1 for all of it.
-        preserved: Share of the discontinuities' pixels that keep at least half of their height, 0..1.
+        height_kept: Share of the height of discontinuities that is kept, 1 for all.
+        preserved: Share of the discontinuity pixels that keep at least half of their height, 0..1.
     """
 
     mae_m: float
@@ -53,14 +53,14 @@ class SparsityFigures:
 
 
 def largest(coefficients: Array, fraction: float) -> Array:
-    """The coefficients (H, W) of largest magnitude, so large a share of them; the others 0."""
+    """Keep the share `fraction` of coefficients (H, W) with the largest magnitude; set the others to 0."""
     size = np.abs(coefficients)
     count = max(round(fraction * size.size), 1)
     return np.where(size >= np.partition(size, -count, axis=None)[-count], coefficients, 0.0)
 
 
 def lowest(coefficients: Array, fraction: float) -> Array:
-    """The block of lowest frequencies of coefficients (H, W), about so large a share of them; the others 0."""
+    """Keep the block of lowest frequencies, about the share `fraction` of coefficients (H, W); set the others to 0."""
     rows, columns = (max(round(np.sqrt(fraction) * size), 1) for size in coefficients.shape)
     kept = np.zeros_like(coefficients)
     kept[:rows, :columns] = coefficients[:rows, :columns]
@@ -71,33 +71,33 @@ SELECTIONS: dict[str, Callable[[Array, float], Array]] = {"largest": largest, "l
 
 
 def reconstruct(depth: Array, fraction: float, selection: str) -> Array:
-    """A depth image (H, W) [m] from the share `fraction` of its coefficients."""
+    """Reconstruct a depth image (H, W) [m] from the share `fraction` of its coefficients."""
     return np.asarray(idctn(SELECTIONS[selection](dctn(depth, norm="ortho"), fraction), norm="ortho"))
 
 
 def sparsity(image: DepthImage) -> Figures[SparsityFigures]:
-    """[selection][fraction] -> figures of one depth image."""
+    """Compute the figures [selection][fraction] of one depth image."""
     lines = discontinuities(image.depth) & image.known
-    beside = distance_transform_edt(~lines.any(axis=0)) <= BESIDE
+    at_jump = distance_transform_edt(~lines.any(axis=0)) <= AT_JUMP
     return {
         selection: {
-            fraction: _figures(image.depth, reconstruct(image.depth, fraction, selection), lines, beside)
+            fraction: _figures(image.depth, reconstruct(image.depth, fraction, selection), lines, at_jump)
             for fraction in FRACTIONS
         }
         for selection in SELECTIONS
     }
 
 
-def _figures(depth: Array, reconstructed: Array, lines: Array, beside: Array) -> SparsityFigures:
+def _figures(depth: Array, reconstructed: Array, lines: Array, at_jump: Array) -> SparsityFigures:
     error = np.abs(reconstructed - depth)
     before = steps(depth)[lines]
-    after = steps(reconstructed)[lines] * np.sign(before)  # a step the wrong way counts against
+    after = steps(reconstructed)[lines] * np.sign(before)  # a step of the opposite sign counts as negative
     before = np.abs(before)
     return SparsityFigures(
         mae_m=mean(error),
         rmse_m=float(np.sqrt(mean(error**2))),
-        mae_at_jumps_m=mean(error[beside]),
-        mae_elsewhere_m=mean(error[~beside]),
+        mae_at_jumps_m=mean(error[at_jump]),
+        mae_elsewhere_m=mean(error[~at_jump]),
         height_kept=mean(after) / mean(before),
         preserved=mean(after >= PRESERVED * before),
     )

@@ -1,1 +1,1 @@
-"""Networks for depth learn from drives: samples, a file that packs them, drawing and changing them, the loop."""
+"""Training of networks on recorded sequences: samples, packs, random examples, the training loop."""

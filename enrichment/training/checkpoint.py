@@ -1,4 +1,4 @@
-"""A training that was broken off, as safetensors: numbers alone, nothing that could be executed."""
+"""Checkpoint of a training, as safetensors: data only, nothing that could be executed."""
 
 from __future__ import annotations
 
@@ -15,13 +15,19 @@ from enrichment.training.plan import Plan
 from slam.data.atomic import written_beside
 from slam.data.errors import InputError
 
-CHECKPOINT, BEST = "checkpoint.safetensors", "best.safetensors"  # files of a training's folder
-NETWORK, OPTIMIZER = "network.", "optimizer."  # before the names of tensors
+CHECKPOINT, BEST = "checkpoint.safetensors", "best.safetensors"  # files in the folder of a training
+NETWORK, OPTIMIZER = "network.", "optimizer."  # prefixes of the names of tensors
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Of a validation: step, mean absolute and root mean square error [m], means over images."""
+    """Figures of a validation, averaged over images.
+
+    Attributes:
+        step: Number of steps trained.
+        mae: Mean absolute error [m].
+        rmse: Root mean square error [m].
+    """
 
     step: int
     mae: float
@@ -30,11 +36,14 @@ class Figures:
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A training after `step` steps.
+    """State of a training.
 
-    data     what it is trained on, as the packs' digests say
-    best     the validation with the least MAE so far; None without any
-    tensors  of the network, by their names behind NETWORK, and of the optimiser, NUMBER.NAME behind OPTIMIZER
+    Attributes:
+        plan: Settings of the training.
+        data: Digest of the training data.
+        step: Number of steps trained.
+        best: Validation with the smallest MAE so far; None without any.
+        tensors: Tensors of the network, NETWORK + name, and of the optimiser, OPTIMIZER + NUMBER.NAME.
     """
 
     plan: Plan
@@ -45,10 +54,11 @@ class Checkpoint:
 
     @property
     def weights(self) -> dict[str, Tensor]:
-        """The network's state."""
+        """State of the network."""
         return {name.removeprefix(NETWORK): value for name, value in self.tensors.items() if name.startswith(NETWORK)}
 
     def write(self, path: Path) -> None:
+        """Write the checkpoint atomically."""
         about = {"plan": asdict(self.plan), "data": self.data, "step": self.step}
         about["best"] = None if self.best is None else asdict(self.best)
         tensors = {name: tensor.contiguous() for name, tensor in self.tensors.items()}
@@ -56,16 +66,20 @@ class Checkpoint:
             save_file(tensors, temporary, {"about": json.dumps(about)})
 
     def require(self, plan: Plan, data: str, path: Path) -> None:
-        """Raises InputError where this is not of the same training; the number of steps may be another."""
+        """Check that this is a checkpoint of the same training; only the number of steps may differ.
+
+        Raises:
+            InputError: The plan or the data differ.
+        """
         if replace(self.plan, steps=plan.steps) != plan:
             differing = [name for name, value in asdict(plan).items() if asdict(self.plan)[name] != value]
             names = " and ".join(name for name in differing if name != "steps")
-            raise InputError(f"{path}: of a training with another {names}; resume with the same, or name another --out")
+            raise InputError(f"{path}: of a training with another {names}; use the same, or choose another --out")
         if self.data != data:
-            raise InputError(f"{path}: of a training on other data; resume with the same, or name another --out")
+            raise InputError(f"{path}: of a training on other data; use the same, or choose another --out")
 
     def restore(self, network: nn.Module, optimizer: Optimizer) -> None:
-        """Weights and the optimiser's moments, into those of the same network."""
+        """Load the weights and the state of the optimiser into those of the same network."""
         network.load_state_dict(self.weights)
         state: dict[int, dict[str, Tensor]] = {}
         for name, value in self.tensors.items():
@@ -76,7 +90,7 @@ class Checkpoint:
 
 
 def tensors_of(network: nn.Module, optimizer: Optimizer) -> dict[str, Tensor]:
-    """What `Checkpoint.restore` needs."""
+    """Return the tensors that `Checkpoint.restore` needs."""
     tensors = {NETWORK + name: value.detach() for name, value in network.state_dict().items()}
     for number, values in optimizer.state_dict()["state"].items():
         tensors.update({f"{OPTIMIZER}{number}.{key}": value for key, value in values.items()})
@@ -84,7 +98,11 @@ def tensors_of(network: nn.Module, optimizer: Optimizer) -> dict[str, Tensor]:
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
-    """Raises InputError where the file is no checkpoint."""
+    """Read a checkpoint.
+
+    Raises:
+        InputError: The file is not a checkpoint.
+    """
     try:
         with safe_open(path, "pt") as file:
             about = json.loads(file.metadata()["about"])
@@ -94,4 +112,4 @@ def read_checkpoint(path: Path) -> Checkpoint:
         return Checkpoint(plan, about["data"], about["step"], best, tensors)
     except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
         fault = " ".join(str(error).split())
-        raise InputError(f"{path}: no checkpoint to resume from ({fault}); train afresh in another --out") from error
+        raise InputError(f"{path}: not a checkpoint ({fault}); start a new training in another --out") from error

@@ -1,7 +1,6 @@
-"""Examples drawn from packed samples: which rings are the input, which part of the image, in which light.
+"""Random training examples from packed samples: input rings, crop, mirroring and colour jitter.
 
-Everything that is random about example k follows from the seed and k alone: whoever draws it, and after whatever
-interruption, it is the same.
+Example k depends on the seed and on k only, so it is the same in every process and after every interruption.
 """
 
 from __future__ import annotations
@@ -23,15 +22,20 @@ from slam.data.cloud import Array
 from slam.data.depth_map import DEPTH_SCALE
 from slam.data.errors import InputError
 
-#: Now and then twice as many rings or half as many, that a network does not know 16 alone.
+#: Share of examples with twice and with half as many rings, so that a network does not learn 16 rings only.
 FINER, COARSER = 1 / 8, 1 / 8
-NEAR = 5  # cells: width and height of the square around a return in which targets are used
-LIGHT = 0.3  # brightness, contrast and saturation change by up to such a share
+NEAR = 5  # cells: side of the square around a return in which targets are used
+JITTER = 0.3  # maximum relative change of brightness, contrast and saturation
 
 
 class Example(NamedTuple):
-    """What a network is given, image (3, H, W) RGB in 0..1 and depth (1, H, W) in metres, 0 = none; and should answer,
-    target (1, H, W). In batches of B there is one more axis before these."""
+    """A training example; batches have one more axis in front.
+
+    Attributes:
+        image: (3, H, W) RGB in 0..1.
+        depth: (1, H, W) sparse depth [m], 0 = none.
+        target: (1, H, W) target depth [m], 0 = none.
+    """
 
     image: Tensor
     depth: Tensor
@@ -39,7 +43,7 @@ class Example(NamedTuple):
 
 
 class Window(NamedTuple):
-    """Cells of a sample."""
+    """Rectangle of cells of a sample."""
 
     top: int
     left: int
@@ -47,13 +51,19 @@ class Window(NamedTuple):
     width: int
 
     def cut(self, values: Array) -> Array:
+        """Return the part of an image (H, W, ...) inside the window."""
         return values[self.top : self.top + self.height, self.left : self.left + self.width]
 
 
 class TrainingImages(Dataset[Example]):
-    """`count` examples to train on, of `crop` cells (height, width), from number `first` on.
+    """Training examples; each epoch has all frames of the packs in a new random order.
 
-    All frames of the packs come once, in a new order each time, before one comes again.
+    Args:
+        packs: The packs.
+        crop: Height and width of an example [cells].
+        seed: Random seed.
+        first: Number of the first example.
+        count: Number of examples.
     """
 
     def __init__(self, packs: Sequence[Pack], crop: tuple[int, int], seed: int, first: int, count: int) -> None:
@@ -70,9 +80,9 @@ class TrainingImages(Dataset[Example]):
 
 
 def shuffled(seed: int, number: int, count: int) -> tuple[int, np.random.Generator]:
-    """Which of `count` frames example `number` is made of, and what draws the rest of it.
+    """Return the frame, of `count` frames, of example `number`, and the random generator of the example.
 
-    All frames come once, in a new order each time, before one comes again.
+    Each epoch has all frames in a new random order.
     """
     turn, place = divmod(number, count)
     order = np.random.default_rng((seed, 0, turn)).permutation(count)
@@ -80,7 +90,11 @@ def shuffled(seed: int, number: int, count: int) -> tuple[int, np.random.Generat
 
 
 class ValidationImages(Dataset[Example]):
-    """The frames of packs to validate on: whole, the LiDAR's usual sparse rings from the first one on."""
+    """Validation examples: whole frames, with every `ring_step`-th ring from the first one as input.
+
+    Args:
+        packs: The packs.
+    """
 
     def __init__(self, packs: Sequence[Pack]) -> None:
         self._frames = [(pack, k) for pack in packs for k in range(len(pack))]
@@ -97,7 +111,7 @@ class ValidationImages(Dataset[Example]):
 
 
 def random_example(sample: Sample, crop: tuple[int, int], rng: np.random.Generator) -> Example:
-    """A random example of that sample: rings first, then the window, a mirror and the light."""
+    """Draw a random example of a sample: rings, crop, mirroring and colour jitter, in this order."""
     step = max(int(sample.ring_step * rng.choice((0.5, 1, 2), p=(FINER, 1 - FINER - COARSER, COARSER))), 2)
     phase = int(rng.integers(step))
     top, left = (int(rng.integers(room + 1)) for room in np.subtract(sample.target.shape, crop))
@@ -110,8 +124,11 @@ def random_example(sample: Sample, crop: tuple[int, int], rng: np.random.Generat
 
 
 def near_returns(sample: Sample) -> Array:
-    """(H, W) bool: the cells near returns of any ring. Exact depth is known above them too, up to the roofs: half of
-    its squared error would come from there, where no input tells anything and nobody asks."""
+    """Select the cells (H, W) bool near returns of any ring.
+
+    Exact targets exist above all rings too, up to the roofs. Half of the squared error would be there, where the input
+    has no information and predictions are not used.
+    """
     returns = sample.returns
     cells = cells_of(np.column_stack([returns["column"], returns["row"]]).astype(float), sample.scale)
     measured = nearest_depth(cells, returns["depth"] / DEPTH_SCALE, sample.target.shape[:2]) > 0
@@ -119,9 +136,9 @@ def near_returns(sample: Sample) -> Array:
 
 
 def sparse(sample: Sample, window: Window, step: int, phase: int) -> Array:
-    """(H, W) float32 [m, 0 = none] of a window: what a LiDAR with rings phase, phase + step, ... alone has there.
+    """Compute the sparse depth (H, W) float32 [m, 0 = none] of a LiDAR with the rings phase, phase + step, ... only.
 
-    Hidden is what its own returns show to be hidden, as where the network is used.
+    Occlusion is determined from these returns only, as in a run.
     """
     returns = sample.returns[sample.returns["ring"] % step == phase]
     pixels = np.column_stack([returns["column"], returns["row"]]).astype(float)
@@ -135,8 +152,8 @@ def sparse(sample: Sample, window: Window, step: int, phase: int) -> Array:
 
 
 def colour_jitter(image: Array, rng: np.random.Generator) -> Array:
-    """An image (H, W, 3) uint8 with other brightness, contrast and saturation."""
-    brightness, contrast, saturation = rng.uniform(1 - LIGHT, 1 + LIGHT, 3).astype(np.float32)
+    """Return an image (H, W, 3) uint8 with random brightness, contrast and saturation."""
+    brightness, contrast, saturation = rng.uniform(1 - JITTER, 1 + JITTER, 3).astype(np.float32)
     colours = image.astype(np.float32) * brightness
     colours = (colours - colours.mean()) * contrast + colours.mean()
     grey = colours.mean(axis=2, keepdims=True)
@@ -144,14 +161,18 @@ def colour_jitter(image: Array, rng: np.random.Generator) -> Array:
 
 
 def require_crop(packs: Sequence[Pack], crop: tuple[int, int]) -> None:
-    """Raises InputError where crops of (height, width) are larger than the images."""
+    """Check that crops of (height, width) fit into the images.
+
+    Raises:
+        InputError: The images of a pack are smaller.
+    """
     for pack in packs:
         first = 0
         for drive in pack.drives:
             height, width = pack[first].target.shape
             if crop[0] > height or crop[1] > width:
                 fault = f"{drive.name} has images of {height}x{width} at scale {pack.scale:g}"
-                raise InputError(f"{pack.path}: {fault}; choose a --crop of no more than that")
+                raise InputError(f"{pack.path}: {fault}; choose a --crop that is not larger")
             first += len(drive.frames)
 
 

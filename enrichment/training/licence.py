@@ -1,4 +1,4 @@
-"""Under which licence recordings are, as far as their folder tells."""
+"""Licence of recordings, as far as it can be inferred from their folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ OWN = "not known to lidarlift: that of the recordings"
 
 
 def licence_of(data: Dataset) -> str:
-    """SIMULATED, KITTI or OWN."""
+    """Return SIMULATED, KITTI or OWN."""
     if (data.path.parent.parent / "simulation.json").is_file():
         return SIMULATED
     return KITTI if isinstance(data, KittiDrive) and "kitti" in data.name.lower() else OWN

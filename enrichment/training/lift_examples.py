@@ -1,4 +1,4 @@
-"""What Lift learns from: rings of a scan that it is given, and the returns of others that it shall predict."""
+"""Training examples of Lift: some rings of a scan as input, the returns of other rings as target."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from torch.utils.data import Dataset as Examples
 
 from enrichment.geometry.held_out import past_of, ring_step
 from enrichment.geometry.rays import MAX_COLUMNS, RayGrid, columns_for
-from enrichment.geometry.sparse_scan import SparseScan, of_rings
+from enrichment.geometry.sparse_scan import SparseScan, select_rings
 from enrichment.lift.channels import COLUMN_MULTIPLE, Ray
 from enrichment.lift.features import LiftInput, lift_input
 from enrichment.training.image_examples import COARSER, FINER, colour_jitter, shuffled
@@ -22,16 +22,16 @@ from slam.data.cloud import HISTORY, Array, Frame, History, PointCloud
 from slam.data.dataset import Dataset
 from slam.data.sensor import Sensor
 
-HELD_OUT = 1 / 3  # of the rings, where a LiDAR has few: no two neighbours, so that gaps are twice as wide at most
-BLIND = 0.2  # of the examples have no image
-ALONE = 0.3  # of the examples have no past
-MOVED, TURNED = 0.02, 0.0005  # m, rad: standard deviations of a prediction's error, each axis
-CROP, BLURRED = 600, 40  # columns of an example, and of these on either side without answers
-LARGEST = 1.3  # times as large, or as small, is a scene without an image
+HELD_OUT = 1 / 3  # share of held-out rings of a LiDAR with few rings: none adjacent, so gaps at most double
+NO_IMAGE = 0.2  # share of the examples without an image
+NO_PAST = 0.3  # share of the examples without earlier scans
+TRANSLATION_NOISE, ROTATION_NOISE = 0.02, 0.0005  # m, rad: standard deviations of predicted poses, per axis
+CROP, MARGIN = 600, 40  # columns of an example, and columns at both edges without targets
+MAX_SCALE = 1.3  # maximum random scale factor of a scene without an image
 
 
 class LiftExample(NamedTuple):
-    """What `Lift.forward` takes, and the answers: truth (1, Q, W) metres along rho, 0 = no return there."""
+    """The input of `Lift.forward`, and the target `truth` (1, Q, W) [m] along rho, 0 = no return."""
 
     rings: Tensor
     upper: Tensor
@@ -41,10 +41,16 @@ class LiftExample(NamedTuple):
 
 
 class TrainingScans(Examples[LiftExample]):
-    """`count` examples from number `first` on: rings, past, image or none, mirror, light, size and part are drawn.
+    """Training examples with random rings, history, image or none, mirroring, colour jitter, scale and crop.
 
-    An example is a part of CROP columns, every other one what the camera sees. With `own_rings` a sensor of 64 lines is
-    taken for one of every fourth of them, and only these are the answers.
+    An example has CROP columns; half of those with an image are in the camera's field of view.
+
+    Args:
+        drives: The sequences.
+        own_rings: Treat a sensor of 64 lines as one with every fourth of them, and use only these as targets.
+        seed: Random seed.
+        first: Number of the first example.
+        count: Number of examples.
     """
 
     def __init__(self, drives: Sequence[Dataset], own_rings: bool, seed: int, first: int, count: int) -> None:
@@ -61,19 +67,24 @@ class TrainingScans(Examples[LiftExample]):
         frame, sensor = drive[k], drive.sensor
         assert sensor is not None
         past = random_past(drive, k, rng)
-        image = None if frame.image is None or rng.random() < BLIND else colour_jitter(frame.image, rng)
+        image = None if frame.image is None or rng.random() < NO_IMAGE else colour_jitter(frame.image, rng)
         if image is None:
-            factor = LARGEST ** rng.uniform(-1, 1)
+            factor = MAX_SCALE ** rng.uniform(-1, 1)
             frame = replace(frame, cloud=_resized(frame.cloud, sensor, factor))
             past = [(_resized(then, sensor, factor), _scaled(T_now_then, factor)) for then, T_now_then in past]
         kept, asked = random_rings(sensor, self._own_rings, rng)
         whole = example(frame, sensor, kept, asked, image, past, mirrored=rng.random() < 0.5)
         ahead = image is not None and rng.random() < 0.5
-        return part_of(whole, int(rng.integers(whole.rays.shape[-1])) if not ahead else _ahead(whole))
+        centre = _camera_column(whole) if ahead else int(rng.integers(whole.rays.shape[-1]))
+        return crop_columns(whole, centre)
 
 
 class ValidationScans(Examples[LiftExample]):
-    """All scans, every so-many-th ring from the first one on, with the image: as while driving."""
+    """Validation examples: all scans with image and history, every `ring_step`-th ring as input, as in a run.
+
+    Args:
+        drives: The sequences.
+    """
 
     def __init__(self, drives: Sequence[Dataset]) -> None:
         self._places = [(drive, k) for drive in drives for k in range(len(drive))]
@@ -91,19 +102,19 @@ class ValidationScans(Examples[LiftExample]):
 
 
 def random_past(drive: Dataset, position: int, rng: np.random.Generator) -> History:
-    """Scans before one of a drive, fewer or none now and then, placed as well as a prediction places them."""
-    count = 0 if rng.random() < ALONE else int(rng.integers(1, HISTORY + 1))
+    """Return a random number of earlier scans, with relative poses that have the errors of predicted ones."""
+    count = 0 if rng.random() < NO_PAST else int(rng.integers(1, HISTORY + 1))
     return [(then, _misplaced(T_now_then, rng)) for then, T_now_then in past_of(drive, position, count)]
 
 
 def _misplaced(T_now_then: Array, rng: np.random.Generator) -> Array:
-    """With an error of normal distribution."""
-    error = se3.exp(np.concatenate([rng.normal(0, TURNED, 3), rng.normal(0, MOVED, 3)]))
+    """The pose with a random, normally distributed error."""
+    error = se3.exp(np.concatenate([rng.normal(0, ROTATION_NOISE, 3), rng.normal(0, TRANSLATION_NOISE, 3)]))
     return np.asarray(error @ T_now_then)
 
 
 def random_rings(sensor: Sensor, own_rings: bool, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Ids of the rings that are given, and of those that are asked for."""
+    """Draw the indices of input rings and of target rings."""
     rings, step = np.arange(sensor.ring_count), ring_step(sensor)
     if step == 4 and not own_rings:
         step = int(rng.choice((2, 4, 8), p=(FINER, 1 - FINER - COARSER, COARSER)))
@@ -126,30 +137,41 @@ def example(
     past: History = (),
     mirrored: bool = False,
 ) -> LiftExample:
-    """Of a frame with rings; `kept` and `asked` are ring ids, top first."""
+    """Build the example of a frame with ring indices.
+
+    Args:
+        frame: The frame.
+        sensor: The LiDAR.
+        kept: Indices of the input rings, top first.
+        asked: Indices of the target rings, top first.
+        image: The image (H, W, 3), or None.
+        past: Earlier scans with T_now_then.
+        mirrored: Mirror left and right.
+    """
     cloud = frame.cloud
     assert cloud.ring is not None
     columns = min(MAX_COLUMNS, columns_for(cloud)) // COLUMN_MULTIPLE * COLUMN_MULTIPLE
     grid = RayGrid(sensor, columns)
-    before = [(of_rings(then, kept), T_now_then) for then, T_now_then in past]
-    scan = SparseScan(of_rings(cloud, kept), sensor, kept, lambda: image, frame.calibration, columns, lambda: before)
-    return _tensors(lift_input(scan, grid), _truth(of_rings(cloud, asked), grid), mirrored)
+    before = [(select_rings(then, kept), T_now_then) for then, T_now_then in past]
+    given = select_rings(cloud, kept)
+    scan = SparseScan(given, sensor, kept, lambda: image, frame.calibration, columns, lambda: before)
+    return _tensors(lift_input(scan, grid), _truth(select_rings(cloud, asked), grid), mirrored)
 
 
-def part_of(whole: LiftExample, centre: int) -> LiftExample:
-    """CROP columns around one. Next to its edges nothing is asked: there the network sees less than while driving."""
+def crop_columns(whole: LiftExample, centre: int) -> LiftExample:
+    """Crop CROP columns around a centre; MARGIN columns at both edges have no targets: their context is cut."""
     columns = whole.rays.shape[-1]
     if columns <= CROP:
         return whole
     some = torch.arange(centre - CROP // 2, centre + CROP // 2) % columns
     rings, upper, rays, candidates, truth = whole
     truth = truth[..., some].clone()
-    truth[..., :BLURRED], truth[..., -BLURRED:] = 0, 0
+    truth[..., :MARGIN], truth[..., -MARGIN:] = 0, 0
     return LiftExample(rings[..., some], upper, rays[..., some], candidates[..., some], truth)
 
 
-def _ahead(whole: LiftExample) -> int:
-    """The column in the middle of those that the camera sees; the camera may look across the seam."""
+def _camera_column(whole: LiftExample) -> int:
+    """The middle column of the camera's field of view, which may include the first and the last column."""
     seen = (whole.rays[0, Ray.SEEN] > 0).any(dim=0)
     angle = 2 * np.pi * torch.arange(len(seen)) / len(seen)
     mean = torch.atan2((angle.sin() * seen).sum(), (angle.cos() * seen).sum())
@@ -157,7 +179,7 @@ def _ahead(whole: LiftExample) -> int:
 
 
 def _truth(cloud: PointCloud, grid: RayGrid) -> Array:
-    """(R, W) float32: rho of the nearest return on each ray, 0 without any."""
+    """Rho of the nearest return on each ray, (R, W) float32, 0 without any."""
     assert cloud.ring is not None
     rho = np.hypot(cloud.xyz[:, 0], cloud.xyz[:, 1])
     truth = np.full(grid.shape, np.inf, np.float32)
@@ -175,7 +197,7 @@ def _tensors(given: LiftInput, truth: Array, mirrored: bool) -> LiftExample:
 
 
 def _resized(cloud: PointCloud, sensor: Sensor, factor: float) -> PointCloud:
-    """A scene so many times as large, seen along the same laser lines: scaled from where each laser is."""
+    """The scene scaled by a factor, on the same laser lines: points are scaled from the origin of their laser."""
     assert cloud.ring is not None
     laser = sensor.offset[cloud.ring] * (1 - factor)
     return cloud.with_xyz((factor * cloud.xyz + np.column_stack([0 * laser, 0 * laser, laser])).astype(np.float32))

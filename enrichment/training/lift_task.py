@@ -1,4 +1,4 @@
-"""Lift as a task: ranges on rays between rings, on drives."""
+"""Training task of Lift: ranges on rays between rings, on recorded sequences."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from enrichment.training.plan import Plan
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
 
-CLIP = 5.0
+CLIP = 5.0  # maximum norm of the gradient
 
 
 def _as_they_are(examples: list[LiftExample]) -> list[LiftExample]:
-    """Scans have different numbers of rings."""
+    """Keep examples as a list, since scans have different numbers of rings."""
     return examples
 
 
 def _loss(network: nn.Module, scans: list[LiftExample]) -> Tensor:
-    """Of scans with the same rings above each row."""
+    """Loss of scans with the same ring above each row."""
     rings, rays, candidates, truth = (
         torch.cat([getattr(scan, name) for scan in scans]) for name in ("rings", "rays", "candidates", "truth")
     )
@@ -39,9 +39,15 @@ def _loss(network: nn.Module, scans: list[LiftExample]) -> Tensor:
 
 @dataclass(frozen=True)
 class LiftTask:
-    """A `Task`, of drives to train on and to validate on. Raises InputError where a drive's rings are unknown.
+    """A `Task` for Lift.
 
-    own_rings  only what a sparse LiDAR itself measures is used: some of its rings predict the others
+    Attributes:
+        drives: Sequences for training.
+        validation: Sequences for validation.
+        own_rings: Use only the rings of a sparse LiDAR itself: some of its rings predict the others.
+
+    Raises:
+        InputError: The sensor model of a sequence is unknown.
     """
 
     drives: Sequence[Dataset]
@@ -53,10 +59,11 @@ class LiftTask:
     def __post_init__(self) -> None:
         for drive in (*self.drives, *self.validation):
             if drive.sensor is None or drive[0].cloud.ring is None:
-                raise InputError(f"{drive.path}: nobody knows which LiDAR this was; place a sensor.yaml beside it")
+                raise InputError(f"{drive.path}: the sensor model is unknown; add a sensor.yaml to the folder")
 
     @property
     def digest(self) -> str:
+        """Digest of the data."""
         digest = hashlib.sha256(repr(self.own_rings).encode())
         for use, drives in (("training", self.drives), ("validation", self.validation)):
             for drive in drives:
@@ -65,18 +72,23 @@ class LiftTask:
 
     @property
     def validated(self) -> bool:
+        """Whether there are validation data."""
         return bool(self.validation)
 
     def network(self, model: str) -> Lift:
+        """Create an untrained network."""
         return Lift()
 
     def training_examples(self, plan: Plan, first: int, count: int) -> TrainingScans:
+        """Return `count` training examples from number `first` on."""
         return TrainingScans(self.drives, self.own_rings, plan.seed, first, count)
 
     def validation_examples(self) -> ValidationScans:
+        """Return the validation examples."""
         return ValidationScans(self.validation)
 
     def loss(self, network: nn.Module, batch: list[LiftExample], plan: Plan) -> Tensor:
+        """Compute the loss of a batch."""
         alike: dict[tuple[object, ...], list[LiftExample]] = {}
         for scan in batch:
             alike.setdefault((scan.rays.shape, *scan.upper.tolist()), []).append(scan)
@@ -84,14 +96,17 @@ class LiftTask:
         return torch.stack(losses).sum() / len(batch)
 
     def errors(self, network: nn.Module, batch: list[LiftExample]) -> tuple[Tensor, Tensor]:
+        """Compute MAE and RMSE [m] of a batch of one example."""
         (scan,) = batch
         asked = (scan.truth > 0) & (scan.rays[:, Ray.KNOWN] > 0)
         error = (network(*scan[:-1]).ranges - scan.truth)[asked]
         return error.abs().mean(), error.square().mean().sqrt()
 
     def export(self, network: nn.Module, folder: Path, name: str) -> None:
+        """Write NAME.onnx and NAME.safetensors."""
         assert isinstance(network, Lift)
         export_lift(network, folder, name)
 
     def card(self, plan: Plan, step: int, best: Figures | None, parameters: int, command: str) -> str:
+        """Return the model card in Markdown."""
         return lift_card(plan, step, best, parameters, self.drives, self.validation, self.own_rings, command)

@@ -1,7 +1,6 @@
-"""The training loop, on Lightning: a CPU, a GPU or several; the same seed gives the same weights on one CPU.
+"""The training loop with Lightning, on a CPU or on one or several GPUs; reproducible from the seed on one CPU.
 
-An epoch of Lightning's is `Plan.validate_every` steps here: after each the network is validated and a checkpoint
-written.
+A Lightning epoch is `Plan.validate_every` steps here: after each, the network is validated and a checkpoint is written.
 """
 
 from __future__ import annotations
@@ -31,21 +30,25 @@ LOG_EVERY = 10  # steps
 
 
 def train(training: Training, device: str) -> None:
-    """Take the steps that are left, on 'auto', 'cpu' or 'gpu' (all there are).
+    """Run the remaining steps, and write CHECKPOINT, BEST and logs/ (TensorBoard and CSV) into the training's folder.
 
-    The training's folder gets CHECKPOINT, BEST and logs/, for TensorBoard and as CSV. Raises InputError where there is
-    no such device.
+    Args:
+        training: The training.
+        device: 'auto', 'cpu' or 'gpu' (all GPUs).
+
+    Raises:
+        InputError: There is no such device.
     """
     if training.step >= training.plan.steps:
         return
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PossibleUserWarning)  # advice on workers
-        warnings.simplefilter("ignore", FutureWarning)  # Lightning's own, of PyTorch
+        warnings.simplefilter("ignore", FutureWarning)  # Lightning's use of PyTorch
         try:
             _trainer(training, device).fit(training)
         except SystemExit as stop:
-            raise KeyboardInterrupt from stop  # what Lightning makes of Ctrl-C
+            raise KeyboardInterrupt from stop  # Lightning turns Ctrl-C into SystemExit
 
 
 def _trainer(training: Training, device: str) -> lightning.Trainer:
@@ -66,14 +69,18 @@ def _trainer(training: Training, device: str) -> lightning.Trainer:
             enable_model_summary=False,
         )
     except MisconfigurationException as error:
-        raise InputError(f"--device {device}: PyTorch finds none here ({error}); choose cpu") from error
+        raise InputError(f"--device {device}: PyTorch finds no such device ({error}); use cpu") from error
 
 
 class Training(lightning.LightningModule):
-    """A network, where it is in its plan, and what Lightning asks for on the way.
+    """A network with the state of its training, and the hooks of Lightning.
 
-    workers  processes that draw examples; 0: the training's own
-    on_step  called after each step with its loss
+    Args:
+        plan: Settings of the training.
+        task: The kind of network and its data.
+        out: Folder for weights, checkpoint and logs.
+        workers: Processes that prepare examples; 0: the main process.
+        on_step: Called after each step with its loss.
     """
 
     def __init__(
@@ -95,7 +102,11 @@ class Training(lightning.LightningModule):
         self._optimizer = AdamW(self.network.parameters())
 
     def resume(self) -> None:
-        """Go on where the folder's checkpoint is. Raises InputError without one, or where it is of another training."""
+        """Load the checkpoint in the folder.
+
+        Raises:
+            InputError: There is none, or it is of another training.
+        """
         path = self.out / CHECKPOINT
         checkpoint = read_checkpoint(path)
         checkpoint.require(self.plan, self.task.digest, path)
@@ -103,44 +114,48 @@ class Training(lightning.LightningModule):
         self.step, self.best = checkpoint.step, checkpoint.best
 
     def configure_optimizers(self) -> AdamW:
+        """Return the optimiser."""
         return self._optimizer
 
     def train_dataloader(self) -> DataLoader[Any]:
-        """The examples up to the next validation."""
+        """Return the examples up to the next validation."""
         batch, gpus = self.plan.batch, self.trainer.world_size
         count = min(self.plan.validate_every, self.plan.steps - self.step) * batch * gpus
         examples = self.task.training_examples(self.plan, self.step * batch * gpus, count)
         return DataLoader(examples, batch, num_workers=self.workers, collate_fn=self.task.collate)
 
     def val_dataloader(self) -> DataLoader[Any]:
+        """Return the validation examples."""
         return DataLoader(self.task.validation_examples(), 1, num_workers=self.workers, collate_fn=self.task.collate)
 
     def on_train_batch_start(self, batch: Any, batch_idx: int) -> None:
-        """Dropout and learning rate follow from seed and step, so that a resumed training takes the same way."""
+        """Set dropout's seed and the learning rate from seed and step, so that a resumed training is reproducible."""
         state = np.random.SeedSequence((self.plan.seed, self.step, self.global_rank)).generate_state(1)
         torch.manual_seed(int(state[0]))
         for group in self._optimizer.param_groups:
             group["lr"] = self.plan.rate_at(self.step)
 
     def training_step(self, batch: Any, batch_idx: int) -> Tensor:
+        """Compute and log the loss."""
         loss = self.task.loss(self.network, batch, self.plan)
         self.log("loss", loss, batch_size=self.plan.batch)
-        self.log(
-            "step", float(self.step), batch_size=self.plan.batch
-        )  # of the loggers: Lightning's own starts at 0 when resumed
+        # x-axis of the loggers: Lightning's own step starts at 0 after a resume
+        self.log("step", float(self.step), batch_size=self.plan.batch)
         return loss
 
     def on_train_batch_end(self, outputs: object, batch: Any, batch_idx: int) -> None:
+        """Count the step and report its loss."""
         self.step += 1
         if self.on_step is not None and self.trainer.is_global_zero:
             self.on_step(float(self.trainer.callback_metrics["loss"]))
 
     def validation_step(self, batch: Any, batch_idx: int) -> None:
+        """Compute and log the errors of one example."""
         mae, rmse = self.task.errors(self.network, batch)
         self.log_dict({"mae": mae, "rmse": rmse, "step": float(self.step)}, sync_dist=True, batch_size=1)
 
     def on_train_epoch_end(self) -> None:
-        """Behind the validation: what it says, and where the training is."""
+        """Record the validation, and write the checkpoint and the best weights."""
         found = self.trainer.callback_metrics
         figures = Figures(self.step, float(found["mae"]), float(found["rmse"])) if self.task.validated else None
         better = figures is None or self.best is None or figures.mae < self.best.mae

@@ -1,4 +1,4 @@
-"""What goes with weights: what they were trained on, how, how good they are, and what one may do with them."""
+"""Model cards: training data, training, figures and licence of weights."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ image's resolution. Output: depth in metres at the same pixels.
 |---|---|---|---|---|
 {drives}
 
-Which rings are the input is drawn anew for each example: most often every 4th of 64, with a random first one. The
-target has the returns of all rings.
+The input rings are drawn at random for each example: most often every 4th of 64, with a random first one. The target
+has the returns of all rings.
 
 ## Training
 
@@ -57,7 +57,7 @@ lidarlift, {parameters:,} parameters. Input and output: `enrichment.lift.feature
 
     {command}
 
-Step {step} of {steps}, parts of {batch} scans a step, AdamW, learning rate up to {rate:g}, seed {seed}, {precision}.
+Step {step} of {steps}, parts of {batch} scans per step, AdamW, learning rate up to {rate:g}, seed {seed}, {precision}.
 
 ## Figures
 
@@ -67,10 +67,11 @@ Step {step} of {steps}, parts of {batch} scans a step, AdamW, learning rate up t
 
 {licence}
 """
-ALL_RINGS = """Which rings are the input is drawn anew for each example: most often every 4th of 64, with a random first
-one; so is how many scans before are shown, placed by true poses with a small error. The returns of all other rings are
-the answers."""
-OWN_RINGS = "Some rings of the sparse LiDAR itself were the input, others of it the answers: no ground truth was used."
+ALL_RINGS = """\
+The input rings are drawn at random for each example: most often every 4th of 64, with a random first one; so is the
+number of earlier scans, placed by ground-truth poses with a small error. The returns of all other rings are the
+reference."""
+OWN_RINGS = "The input was some rings of the sparse LiDAR itself, the target its other rings: no ground truth was used."
 NON_COMMERCIAL = """Trained on KITTI (Geiger, Lenz, Stiller, Urtasun, "Vision meets Robotics: The KITTI Dataset", IJRR
 2013), which is under CC BY-NC-SA 3.0: these weights are for non-commercial use only."""
 OTHER = "That of the recordings, as the table has it."
@@ -85,7 +86,17 @@ def model_card(
     validation: Sequence[Pack],
     command: str,
 ) -> str:
-    """Markdown, of the weights after `step` steps; `best`, their validation, is None where there was none."""
+    """Format the model card of a depth completion network in Markdown.
+
+    Args:
+        plan: Settings of the training.
+        step: Number of steps after which the weights were taken.
+        best: Validation of the weights, None without one.
+        parameters: Number of learned parameters.
+        packs: Packs for training.
+        validation: Packs for validation.
+        command: The command that trained them.
+    """
     used = [(drive, use) for use, some in (("training", packs), ("validation", validation)) for drive in _drives(some)]
     return TEMPLATE.format(
         model=plan.model,
@@ -117,7 +128,7 @@ def lift_card(
     own_rings: bool,
     command: str,
 ) -> str:
-    """The same for Lift, which learns from drives. `own_rings`: from nothing but a sparse LiDAR's own rings."""
+    """Format the model card of Lift, as `model_card`; `own_rings`: trained on the rings of a sparse LiDAR only."""
     used = [(drive, use) for use, some in (("training", drives), ("validation", validation)) for drive in some]
     return LIFT.format(
         parameters=parameters,
@@ -145,7 +156,7 @@ def _row(drive: PackedDrive, use: str) -> str:
 
 def _figures(best: Figures | None, count: int, what: str) -> str:
     if best is None:
-        return "There was no validation: nobody knows how good these weights are."
+        return "There was no validation: the accuracy of these weights is unknown."
     return (
         f"On the {count} {what} for validation, at returns off the rings that are the input, means over {what}: "
         f"MAE {1000 * best.mae:.0f} mm, RMSE {1000 * best.rmse:.0f} mm. These weights were chosen by that "

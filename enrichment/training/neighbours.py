@@ -1,4 +1,4 @@
-"""Neighbouring scans, placed by poses, fill what one scan leaves open between its rings."""
+"""Densification of targets: neighbouring scans, aligned by poses, add depth between the rings of a scan."""
 
 from __future__ import annotations
 
@@ -15,14 +15,21 @@ from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset
 from slam.data.distortion import correct_vertical, deskew
 
-#: Pixels (H, W) around one whose returns bound its depth: rings are some six rows apart, returns of one up to three.
+#: Window (H, W) [pixels] whose returns bound the depth of a pixel: rings are some six rows apart, their returns up to
+#: three columns.
 WINDOW = (15, 9)
-#: Beyond these bounds by the larger of metres and a share of the depth, a point is another thing: it moved.
-BEYOND, BEYOND_SHARE = 0.1, 0.02
+#: Tolerance of these bounds, the larger of metres and a share of the depth; points beyond are of moving objects.
+TOLERANCE, TOLERANCE_SHARE = 0.1, 0.02
 
 
 class Neighbours:
-    """Scans up to `reach` before and after each of a drive's frames; `poses` (N, 4, 4) T_world_lidar, NaN = unknown."""
+    """Scans before and after each frame of a sequence.
+
+    Args:
+        data: The sequence.
+        poses: (N, 4, 4) T_world_lidar, NaN where unknown.
+        reach: Number of scans before and after.
+    """
 
     def __init__(self, data: Dataset, poses: Array, reach: int) -> None:
         assert data.sensor is not None
@@ -31,11 +38,20 @@ class Neighbours:
         self._scan = lru_cache(maxsize=2 * reach + 1)(self._corrected)
 
     def depth_image(self, position: int, pixels: Array, depth: Array, shape: tuple[int, ...], scale: float) -> Array:
-        """(H, W) float32 [m, 0 = none] at `scale` of an image of `shape`, from the neighbours of one frame.
+        """Compute the depth image of the neighbours of a frame.
 
-        pixels (N, 2), depth (N,): what the camera sees of the frame's own returns. Kept is what lies within the bounds
-        that these set around it, and is not behind others. (`visible` is made for the gaps of a single scan: among so
-        many points it would hide the ground far away behind the ground before it.)
+        Points outside of the bounds set by the frame's own returns and occluded points are removed. (`visible` is made
+        for the gaps of a single scan: among this many points it would hide distant ground behind nearer ground.)
+
+        Args:
+            position: Position of the frame.
+            pixels: Pixels (N, 2) of the frame's own visible returns.
+            depth: Depths (N,) of these [m].
+            shape: Shape of the image.
+            scale: Cells per pixel.
+
+        Returns:
+            (H, W) float32 [m], 0 = none.
         """
         size = int(shape[0] * scale), int(shape[1] * scale)
         calibration = self._data.calibration
@@ -50,20 +66,20 @@ class Neighbours:
         return pooled(cells[shown], depths[shown], size)
 
     def _around(self, position: int) -> list[Array]:
-        """The points of each neighbour, (M, 3), in the geometry in which the frame itself was recorded."""
+        """Points (M, 3) of each neighbour, in the recorded geometry of the frame."""
         if np.isnan(self._poses[position]).any():
             return []
         near = range(max(position - self._reach, 0), min(position + self._reach + 1, len(self._poses)))
         T_now_world = se3.inverse(self._poses[position])
-        placed = [
+        aligned = [
             self._scan(other).transformed(T_now_world @ self._poses[other])
             for other in near
             if other != position and np.isfinite(self._poses[other]).all()
         ]
-        return [correct_vertical(cloud, -self._correction).xyz for cloud in placed]
+        return [correct_vertical(cloud, -self._correction).xyz for cloud in aligned]
 
     def _corrected(self, position: int) -> PointCloud:
-        """A scan deskewed by the motion to the next one (of the last: from the one before), vertically corrected."""
+        """A vertically corrected scan, deskewed by the motion to the next one (for the last: from the one before)."""
         cloud = self._data[position].cloud
         if cloud.time is not None and len(self._poses) > 1:
             first = min(position, len(self._poses) - 2)
@@ -75,19 +91,19 @@ class Neighbours:
 
 
 def _bounds(pixels: Array, depth: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
-    """(H, W) float32, metres: the least and the largest depth around each pixel; without any there, an empty bound."""
+    """Minimum and maximum depth around each pixel with tolerance, (H, W) float32 [m]; empty bounds without returns."""
     u, v = nearest_pixel(pixels)
     low, high = np.full(shape[:2], np.inf, np.float32), np.zeros(shape[:2], np.float32)
     np.minimum.at(low, (v, u), depth.astype(np.float32))
     np.maximum.at(high, (v, u), depth.astype(np.float32))
     window = np.ones(WINDOW, np.uint8)
     least, largest = cv2.erode(low, window), cv2.dilate(high, window)
-    slack = np.maximum(BEYOND, BEYOND_SHARE * largest)
-    return least - slack, largest + slack
+    tolerance = np.maximum(TOLERANCE, TOLERANCE_SHARE * largest)
+    return least - tolerance, largest + tolerance
 
 
 def _between(pixels: Array, depth: Array, low: Array, high: Array) -> Array:
-    """(N,) bool: which points lie inside the image and within the bounds there."""
+    """Points (N,) bool inside the image and within the bounds."""
     inside = within(pixels, low.shape)
     u, v = nearest_pixel(pixels[inside])
     inside[inside] = (depth[inside] >= low[v, u]) & (depth[inside] <= high[v, u])

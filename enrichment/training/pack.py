@@ -1,7 +1,7 @@
-"""Samples in one file, small enough to keep and to hand on: 300 frames of KITTI at half resolution take 60 MB.
+"""Packs: samples in one file, small enough to keep and to share; 300 frames of KITTI at half resolution take 60 MB.
 
-An .npz that numpy reads without pickle: `about`, JSON, and of frame k `k/image` (WebP), `k/returns` (RETURN) and
-`k/target` (16-bit PNG, 256 steps a metre, 0 = none). Only colours lose anything.
+A pack is an .npz without pickle: `about` (JSON), and for frame k `k/image` (WebP), `k/returns` (RETURN) and `k/target`
+(16-bit PNG, 256 steps per metre, 0 = none). Only the colours are compressed with loss.
 """
 
 from __future__ import annotations
@@ -25,19 +25,21 @@ from slam.data.cloud import Array
 from slam.data.depth_map import DEPTH_SCALE
 from slam.data.errors import InputError
 
-VERSION = 2  # raised when the same drive would give another pack
+VERSION = 2  # increased when the same sequence would give another pack
 WEBP = [cv2.IMWRITE_WEBP_QUALITY, 85]
-AFRESH = "delete it, and it is packed afresh from its drives"
+REMEDY = "delete it, and it is packed again from its sequences"
 
 
 @dataclass(frozen=True)
 class PackedDrive:
-    """What a pack says of one of its drives.
+    """Description of a packed sequence.
 
-    frames     numbers of the frames that are in it, in order
-    ring_step  as `Sample` has it
-    target     where the target depths are from, in words
-    licence    of the recordings
+    Attributes:
+        name: Name of the sequence.
+        frames: Numbers of the packed frames, in order.
+        ring_step: As in `Sample`.
+        target: Source of the target depths.
+        licence: Licence of the recordings.
     """
 
     name: str
@@ -48,7 +50,19 @@ class PackedDrive:
 
 
 class Pack:
-    """N samples in memory, still encoded; `pack[i]` decodes one. Raises InputError where the file is no pack."""
+    """N encoded samples in memory; `pack[i]` decodes one.
+
+    Args:
+        path: The .npz file.
+
+    Attributes:
+        scale: Cells per pixel.
+        digest: Digest of the packed data.
+        drives: The packed sequences.
+
+    Raises:
+        InputError: The file is not a pack.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -60,10 +74,10 @@ class Pack:
                 self._steps = [drive.ring_step for drive in self.drives for _ in drive.frames]
                 self._frames = [_frame(file, k) for k in range(len(self._steps))]
         except FileNotFoundError as error:
-            raise InputError(f"{path}: no such file; a pack or the folder of a drive is expected") from error
+            raise InputError(f"{path}: no such file; expected a pack or the folder of a sequence") from error
         except (OSError, ValueError, TypeError, KeyError, AttributeError, EOFError, zipfile.BadZipFile) as error:
             fault = " ".join(str(error).split())
-            raise InputError(f"{path}: no pack of version {VERSION}, or damaged ({fault}); {AFRESH}") from error
+            raise InputError(f"{path}: not a pack of version {VERSION}, or damaged ({fault}); {REMEDY}") from error
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -72,29 +86,34 @@ class Pack:
         image, returns, target = self._frames[index]
         colours, depth = cv2.imdecode(image, cv2.IMREAD_COLOR), cv2.imdecode(target, cv2.IMREAD_UNCHANGED)
         if colours is None or depth is None or colours.shape[:2] != depth.shape:
-            raise InputError(f"{self.path}: frame {index} in it is damaged; {AFRESH}")
+            raise InputError(f"{self.path}: frame {index} is damaged; {REMEDY}")
         colours = np.ascontiguousarray(colours[..., ::-1])
         return Sample(colours, returns, depth / np.float32(DEPTH_SCALE), self._steps[index], self.scale)
 
 
 def packed(path: Path, sources: Sequence[Source], on_frame: Callable[[], None] = lambda: None) -> Pack:
-    """The pack of these drives in that file, which is written unless it is there already; `on_frame` is called for
-    each frame read.
+    """Open the pack of these sequences, and write it first unless the file exists.
 
-    Raises InputError where the file holds something else, or a drive has no frame with image and rings.
+    Args:
+        path: The .npz file.
+        sources: The sequences.
+        on_frame: Called for each frame that is read.
+
+    Raises:
+        InputError: The file has other content, or a sequence has no frame with image and ring indices.
     """
     digest = _digest(sources)
     if path.exists():
         pack = Pack(path)
         if pack.digest != digest:
-            raise InputError(f"{path}: packed from other drives or settings; delete it, or name another file")
+            raise InputError(f"{path}: packed from other sequences or settings; delete it, or choose another file")
         return pack
     arrays: dict[str, Array] = {}
     drives = []
     for source in sources:
         drive = _encode(source, arrays, on_frame)
         if not drive.frames:
-            raise InputError(f"{source.data.path}: no frame with an image and a scan whose points have rings")
+            raise InputError(f"{source.data.path}: no frame has both an image and ring indices; training needs both")
         drives.append(asdict(drive))
     about = {"version": VERSION, "scale": sources[0].scale, "digest": digest, "drives": drives}
     arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
@@ -104,7 +123,7 @@ def packed(path: Path, sources: Sequence[Source], on_frame: Callable[[], None] =
 
 
 def _encode(source: Source, arrays: dict[str, Array], on_frame: Callable[[], None]) -> PackedDrive:
-    """A drive's samples, added to `arrays`."""
+    """Add the samples of a sequence to `arrays`."""
     data, frames, first = source.data, list[int](), len(arrays) // 3
     for number, sample in zip(data.numbers, source, strict=True):
         if sample is not None:
@@ -119,7 +138,7 @@ def _encode(source: Source, arrays: dict[str, Array], on_frame: Callable[[], Non
 
 
 def _digest(sources: Sequence[Source]) -> str:
-    """Of all that a pack of these drives depends on, but for the content of scans and images."""
+    """Digest of everything that a pack of these sequences depends on, except for the content of scans and images."""
     digest = hashlib.sha256(str(VERSION).encode())
     for source in sources:
         digest.update(repr((source.data.name, source.scale, source.target)).encode())

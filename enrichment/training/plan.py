@@ -1,4 +1,4 @@
-"""How a network is trained: all that its weights follow from, besides the data."""
+"""Settings of a training: everything that the weights depend on, except for the data."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from enrichment.networks.loss import LAMBDA
 
-WARM_UP = 100  # steps until the learning rate is whole, at most a tenth of all
-#: Highest learning rates: the best of 1e-3, 3e-3 and, for L2L, 1e-2 after 50 to 200 steps on KITTI.
+WARM_UP = 100  # steps until the maximum learning rate, at most a tenth of all steps
+#: Maximum learning rates: the best of 1e-3, 3e-3 and, for L2L, 1e-2 after 50 to 200 steps on KITTI.
 RATE, RATES = 3e-3, {"l2l": 1e-2}
 
 
@@ -16,15 +16,17 @@ RATE, RATES = 3e-3, {"l2l": 1e-2}
 class Plan:
     """Settings of a training.
 
-    model   name in `enrichment.networks.registry`
-    steps   in all, each on a batch (of every GPU)
-    crop    (height, width) of an example, in cells of the packs' scale
-    batch   examples a step
-    validate_every  steps from one validation and checkpoint to the next (after each the best weights so far are kept)
-    seed    of the first weights, the examples and dropout
-    rate    highest learning rate; None: the model's own
-    absolute  weight of the absolute error against the squared one, of the paper's networks
-    bf16    convolutions in bfloat16, weights and loss in float32: up to three times as fast where the processor has it
+    Attributes:
+        model: Name in `enrichment.networks.registry`, or 'lift'.
+        steps: Total number of steps.
+        crop: Height and width of an example, in cells of the packs' scale.
+        batch: Examples per step, on each GPU.
+        validate_every: Steps between validations; after each one a checkpoint and the best weights are kept.
+        seed: Random seed of initial weights, examples and dropout.
+        rate: Maximum learning rate; None: that of the model.
+        absolute: Weight of the absolute error relative to the squared one, for the paper's networks.
+        bf16: Compute convolutions in bfloat16, weights and loss in float32: up to three times as fast if the processor
+            supports it.
     """
 
     model: str
@@ -39,10 +41,11 @@ class Plan:
 
     @property
     def highest_rate(self) -> float:
+        """Maximum learning rate."""
         return RATES.get(self.model, RATE) if self.rate is None else self.rate
 
     def rate_at(self, step: int) -> float:
-        """AdamW's learning rate at step 0, 1, ...: it rises for WARM_UP steps and falls to 0 along a cosine."""
+        """Return AdamW's learning rate at a step, from 0: linear warm-up for WARM_UP steps, then a cosine to 0."""
         rate = self.highest_rate
         warm_up = max(min(WARM_UP, self.steps // 10), 1)
         if step < warm_up:

@@ -1,4 +1,4 @@
-"""Depths of points to an image of cells, coarser than the pixels or as fine."""
+"""Pooling of the depths of points into cells, which are at least as large as pixels."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import numpy as np
 
 from slam.data.cloud import Array
 
-#: What is farther than so much is another surface: times as far, and metres.
+#: Maximum ratio and difference [m] of depths on the same surface.
 SAME, APART = np.float32(1.1), np.float32(1.0)
 NOWHERE = 1e6  # m
 
 
 def cells_of(pixels: Array, scale: float) -> Array:
-    """(N, 2) int64, column and row, of pixels (N, 2) whose centres are whole numbers."""
+    """Return the cells (N, 2) int64, column and row, of pixels (N, 2); pixel centres are at integers."""
     return np.floor((np.floor(np.asarray(pixels) + 0.5) + 0.5) * scale).astype(np.int64)
 
 
 def nearest_depth(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
-    """(H, W) float32, metres, 0 = none: the least depth (N,) in each cell, as an occluding return is measured."""
+    """Compute the minimum depth (N,) in each cell, that of the occluding return, (H, W) float32 [m], 0 = none."""
     index, inside = _index(cells, shape)
     image = np.full(shape[0] * shape[1], np.inf, np.float32)
     np.minimum.at(image, index, depth[inside].astype(np.float32))
@@ -26,8 +26,11 @@ def nearest_depth(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
 
 
 def pooled(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
-    """(H, W) float32, metres, 0 = none: mean inverse depth in each cell, right on planes, where many points fall into
-    it; the least depth where they lie on surfaces at different distances."""
+    """Pool depths per cell, (H, W) float32 [m], 0 = none.
+
+    The result is the mean in inverse depth, which is exact on planes, or the minimum if the points of a cell are on
+    surfaces at different distances.
+    """
     index, inside = _index(cells, shape)
     inverse = 1 / depth[inside]
     size = shape[0] * shape[1]
@@ -38,8 +41,7 @@ def pooled(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
 
 
 def in_front(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
-    """(N,) bool: which points, inside the image, are not on another surface than the nearest of their own and the
-    eight cells around it."""
+    """Select the points (N,) bool in the image that are on the nearest surface of their and the 8 adjacent cells."""
     least = nearest_depth(cells, depth, shape)
     around = cv2.erode(np.where(least > 0, least, NOWHERE), np.ones((3, 3), np.uint8), borderValue=NOWHERE).ravel()
     index, result = _index(cells, shape)
@@ -48,7 +50,7 @@ def in_front(cells: Array, depth: Array, shape: tuple[int, int]) -> Array:
 
 
 def _index(cells: Array, shape: tuple[int, int]) -> tuple[Array, Array]:
-    """Of cells (N, 2) inside the image, (M,): their place in the flat image; and which these are, (N,) bool."""
+    """Flat indices (M,) of the cells (N, 2) inside the image, and which cells these are, (N,) bool."""
     inside = np.asarray(((cells >= 0) & (cells < shape[::-1])).all(axis=1))
     column, row = cells[inside].T
     return row * shape[1] + column, inside

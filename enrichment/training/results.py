@@ -1,4 +1,4 @@
-"""What a training leaves behind for those who use the network."""
+"""Results of a training: weights and model card."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from slam.data.atomic import write_text
 
 
 def write_results(training: Training, command: str) -> Figures | None:
-    """The best weights as MODEL.onnx and MODEL.safetensors, with a model card, MODEL.md, that names the command.
+    """Write the best weights as MODEL.onnx and MODEL.safetensors, and the model card MODEL.md with the command.
 
-    Returns their validation, None where there was none.
+    Returns:
+        The validation of these weights, None without one.
     """
     plan, task, out = training.plan, training.task, training.out
     best = read_checkpoint(out / BEST)

@@ -1,9 +1,8 @@
-"""What a network learns from: a frame's image, its returns by ring, and the depth that should come out.
+"""Training samples of depth completion: the image of a frame, its returns by ring, and the target depth.
 
-Which rings are the input is drawn later, each time a sample is used (`enrichment.training.image_examples`): first
-the rings that are kept, then the input from their returns alone. The target leaves nothing out: it has the depth of the
-kept returns as well as that of the others. Figures are taken off the kept returns, where the input does not give the
-answer.
+The input rings are drawn each time a sample is used (`enrichment.training.image_examples`), and the input is computed
+from the returns of these rings only. The target has the depths of all returns. Figures are computed where the input has
+no return.
 """
 
 from __future__ import annotations
@@ -27,21 +26,22 @@ from slam.data.depth_map import DEPTH_SCALE
 from slam.data.errors import InputError
 from slam.data.pose_files import read_poses
 
-#: A return: pixel of the whole image, depth along the camera's axis in 1/DEPTH_SCALE m, ring.
+#: A return: pixel of the full image, depth along the camera's axis in 1/DEPTH_SCALE m, ring.
 RETURN = np.dtype([("column", "<u2"), ("row", "<u2"), ("depth", "<u2"), ("ring", "u1")])
 FARTHEST = 65535 / DEPTH_SCALE
-MAX_TARGET = 80.0  # m: no target beyond, where LiDARs hardly see and a squared error is that of few pixels alone
+MAX_TARGET = 80.0  # m: farther targets are rare, and few of them would dominate a squared error
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One frame at `scale`: pixels of the whole image times scale, rounded down, are cells of (H, W).
+    """One frame at a scale: cells (H, W) are the pixels of the full image times the scale, rounded down.
 
-    image      (H, W, 3) uint8 RGB
-    returns    (N,) RETURN: all inside the image, hidden ones too, for fewer rings do not show that they are
-    target     (H, W) float32, metres, in steps of 1/256 up to MAX_TARGET: depth at the cells' centres, 0 = none
-    ring_step  every so-many-th ring is what a sparse LiDAR has (`ring_step`)
-    scale      cells a pixel, at most 1
+    Attributes:
+        image: (H, W, 3) uint8 RGB.
+        returns: (N,) RETURN, all returns inside the image, also occluded ones: fewer rings may not show the occlusion.
+        target: (H, W) float32, depth at the centres of the cells [m], in steps of 1/256 up to MAX_TARGET, 0 = none.
+        ring_step: A sparse LiDAR has every `ring_step`-th ring.
+        scale: Cells per pixel, at most 1.
     """
 
     image: Array
@@ -52,28 +52,33 @@ class Sample:
 
 
 def source(data: Dataset, poses: Path | None = None, scale: float = 0.5, neighbours: int = 5) -> Source:
-    """A drive with the poses of a file, T_world_lidar of all scans, or with its ground truth where it has any.
+    """Create a source from a sequence, with poses T_world_lidar from a file or else from its ground truth.
 
-    Raises InputError where the file is not that, or as `Source` does.
+    Raises:
+        InputError: The file does not have a pose for each scan, or as `Source`.
     """
     if poses is None:
         return Source(data, data.ground_truth, neighbours=neighbours, scale=scale)
     _, values = read_poses(poses)
     if len(values) != len(data):
         fault = f"{len(values)} poses for the {len(data)} scans of {data.path}"
-        raise InputError(f"{poses}: {fault}; one a scan is needed, as a run of all of them writes")
+        raise InputError(f"{poses}: {fault}; one pose per scan is needed, as from a run over all scans")
     return Source(data, values, poses.name, neighbours, scale)
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A drive to take samples from, at `scale`.
+    """A sequence as a source of samples.
 
-    poses       (N, 4, 4) T_world_lidar of its scans, NaN where unknown; None: neighbouring scans are not used
-    poses_from  where these are from: a file's name
-    neighbours  so many scans before and after complete a frame's target
+    Attributes:
+        data: The sequence.
+        poses: (N, 4, 4) T_world_lidar of its scans, NaN where unknown; None: neighbouring scans are not used.
+        poses_from: Source of the poses, such as the name of a file.
+        neighbours: Number of scans before and after that densify the target of a frame.
+        scale: Cells per pixel.
 
-    Raises InputError where the drive has no camera, or nobody knows its LiDAR's rings.
+    Raises:
+        InputError: The sequence has no camera, or its sensor model is unknown.
     """
 
     data: Dataset
@@ -84,14 +89,17 @@ class Source:
 
     def __post_init__(self) -> None:
         if self.data.calibration is None:
-            raise InputError(f"{self.data.path}: no camera calibration; networks for depth are trained with images")
+            raise InputError(f"{self.data.path}: no camera calibration; depth completion networks need images")
         if self.data.sensor is None:
-            raise InputError(f"{self.data.path}: nobody knows which LiDAR this was; place a sensor.yaml beside it")
+            raise InputError(f"{self.data.path}: the sensor model is unknown; add a sensor.yaml to the folder")
 
     @property
     def target(self) -> str:
-        """Where the target depths are from, best first: exact images beside the drive; disparity there, completed by
-        the scan's own returns; these, completed by neighbouring scans; these alone."""
+        """Source of the target depths, the best one available.
+
+        In this order: exact depth images; disparity images with the scan's returns; returns with neighbouring scans;
+        returns only.
+        """
         if targets.has_exact(self.data.path):
             return "exact"
         if targets.has_disparity(self.data.path):
@@ -101,7 +109,7 @@ class Source:
         return "returns of the scan"
 
     def __iter__(self) -> Iterator[Sample | None]:
-        """The samples of all frames in turn, None for a frame without image, rings or returns in the image."""
+        """Yield the sample of each frame, None for a frame without image, rings or returns in the image."""
         around = None
         if self.poses is not None and "placed by" in self.target:
             around = Neighbours(self.data, self.poses, self.neighbours)
@@ -133,7 +141,7 @@ class Source:
         )
 
     def _from_files(self, number: int, own: Array) -> Array:
-        """(H, W): the target that files beside the drive give, else what was made of scans."""
+        """Target (H, W) from depth or disparity files if there are any, else from scans."""
         exact = targets.exact(self.data.path, number)
         if exact is not None:
             return targets.scaled(exact, own.shape, self.scale)
@@ -145,7 +153,7 @@ class Source:
 
 
 def _packed(pixels: Array, depth: Array, ring: Array) -> Array:
-    """(N,) RETURN, sorted by ring and column."""
+    """Returns (N,) RETURN, sorted by ring and column."""
     returns = np.empty(len(depth), RETURN)
     returns["column"], returns["row"] = nearest_pixel(pixels)
     returns["depth"], returns["ring"] = np.round(depth * DEPTH_SCALE), ring
@@ -153,11 +161,11 @@ def _packed(pixels: Array, depth: Array, ring: Array) -> Array:
 
 
 def _quantised(depth: Array) -> Array:
-    """(H, W) float32; depth beyond MAX_TARGET becomes none."""
+    """Depth (H, W) float32 in steps of 1/256 m, none beyond MAX_TARGET."""
     return np.where(depth <= MAX_TARGET, np.round(depth * DEPTH_SCALE) / DEPTH_SCALE, 0).astype(np.float32)
 
 
 def _scaled(image: Array, shape: tuple[int, int], scale: float) -> Array:
-    """The cells' mean colours; what is left at the right and below when cells are whole is cut off."""
+    """Mean colours of the cells; partial cells at the right and at the bottom are cut off."""
     height, width = (round(size / scale) for size in shape)
     return np.asarray(cv2.resize(image[:height, :width], shape[::-1], interpolation=cv2.INTER_AREA))

@@ -1,4 +1,4 @@
-"""Depth images that lie beside a drive: exact ones of simulations, disparity of KITTI's stereo benchmark."""
+"""Target depth images in the folder of a sequence: exact ones of simulations, disparity of KITTI's stereo benchmark."""
 
 from __future__ import annotations
 
@@ -16,26 +16,29 @@ EXACT, DISPARITY = "depth_2", "disp_occ_0"  # folders
 
 
 def has_exact(folder: Path) -> bool:
-    """Whether exact depth images lie in a drive's folder."""
+    """Check whether the folder of a sequence has exact depth images."""
     return (folder / EXACT).is_dir()
 
 
 def has_disparity(folder: Path) -> bool:
-    """Whether disparity images lie in a drive's folder."""
+    """Check whether the folder of a sequence has disparity images."""
     return (folder / DISPARITY).is_dir()
 
 
 def exact(folder: Path, number: int) -> Array | None:
-    """(H, W) float32, metres: the exact depth that `lidarlift simulate --with-depth` wrote, if it did."""
+    """Read the exact depth (H, W) float32 [m] that `lidarlift simulate --with-depth` writes; None without it."""
     path = folder / EXACT / f"{number:06d}.png"
     return read_depth_map(path) if path.is_file() else None
 
 
 def disparity(folder: Path, number: int) -> Array | None:
-    """(H, W) float32, metres, 0 = none: depth by the true disparity of KITTI's stereo 2015 benchmark, if there is any.
+    """Read the depth (H, W) float32 [m], 0 = none, from the true disparity of KITTI's stereo 2015; None without it.
 
-    disp_occ_0 holds 16 bits, 256 steps a pixel; depth = f b / disparity, with f b [pixels x metres] from calib.txt:
-    what P2 and P3, the two colour cameras' projections, differ by. Raises InputError where that is missing.
+    disp_occ_0 has 16 bits, 256 steps per pixel; depth = f b / disparity, with f b [pixels x metres] from the difference
+    of P2 and P3, the projections of the two colour cameras, in calib.txt.
+
+    Raises:
+        InputError: The calibration is missing or has no baseline.
     """
     path = folder / DISPARITY / f"{number:06d}.png"
     if not path.is_file():
@@ -45,11 +48,11 @@ def disparity(folder: Path, number: int) -> Array | None:
     entries = read_keyed_numbers(calibration)
     focal_baseline = float((matrix(entries, calibration, "P2") - matrix(entries, calibration, "P3"))[0, 3])
     if focal_baseline <= 0:
-        raise InputError(f"{calibration}: P3 is not to the right of P2; disparity says nothing then")
+        raise InputError(f"{calibration}: P3 is not to the right of P2; check the calibration of the disparity images")
     return np.divide(np.float32(focal_baseline), values, out=np.zeros_like(values), where=values > 0)
 
 
 def scaled(depth: Array, shape: tuple[int, ...], scale: float) -> Array:
-    """A depth image of pixels as one of cells, `shape` (H, W)."""
+    """Pool a depth image of pixels into cells, `shape` (H, W)."""
     row, column = np.nonzero(depth)
     return pooled(cells_of(np.column_stack([column, row]), scale), depth[row, column], (shape[0], shape[1]))

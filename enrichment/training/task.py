@@ -1,4 +1,4 @@
-"""What the training loop has to know of a network: where its examples are from, and what it shall make small."""
+"""Interface between the training loop and a kind of network: examples, loss, figures, export."""
 
 from __future__ import annotations
 
@@ -14,39 +14,45 @@ from enrichment.training.plan import Plan
 
 
 class Task(Protocol):
-    """One kind of network and the data it is trained on.
-
-    digest     what the data are, in a word: a training is resumed on the same alone
-    validated  whether there is anything to validate on
-    clip       most that the gradient's norm may be; None for whatever it is
-    collate    makes a batch of examples; None for PyTorch's own way
-    """
+    """One kind of network and the data it is trained on."""
 
     @property
-    def clip(self) -> float | None: ...
+    def clip(self) -> float | None:
+        """Maximum norm of the gradient; None: no limit."""
+
     @property
-    def collate(self) -> Callable[[list[Any]], Any] | None: ...
+    def collate(self) -> Callable[[list[Any]], Any] | None:
+        """Function that builds a batch of examples; None: that of PyTorch."""
+
     @property
-    def digest(self) -> str: ...
+    def digest(self) -> str:
+        """Digest of the data; a training can be resumed on the same data only."""
+
     @property
-    def validated(self) -> bool: ...
+    def validated(self) -> bool:
+        """Whether there are validation data."""
 
     def network(self, model: str) -> nn.Module:
-        """An untrained one, with weights drawn from torch's own generator."""
+        """Create an untrained network, with random weights from torch's global generator."""
 
     def training_examples(self, plan: Plan, first: int, count: int) -> Dataset[Any]:
-        """`count` examples to train on, from number `first` on; each follows from the plan's seed and its number."""
+        """Return `count` training examples from number `first` on; each depends on the plan's seed and its number."""
 
     def validation_examples(self) -> Dataset[Any]:
-        """The examples to validate on."""
+        """Return the validation examples."""
 
-    def loss(self, network: nn.Module, batch: Any, plan: Plan) -> Tensor: ...
+    def loss(self, network: nn.Module, batch: Any, plan: Plan) -> Tensor:
+        """Compute the loss of a batch."""
 
     def errors(self, network: nn.Module, batch: Any) -> tuple[Tensor, Tensor]:
-        """MAE and RMSE [m] of a batch of one, where the input does not have the answer."""
+        """Compute MAE and RMSE [m] of a batch of one example, where the input does not contain the target."""
 
     def export(self, network: nn.Module, folder: Path, name: str) -> None:
-        """Write NAME.onnx and NAME.safetensors. Raises InputError where it cannot."""
+        """Write NAME.onnx and NAME.safetensors.
+
+        Raises:
+            InputError: The files cannot be written.
+        """
 
     def card(self, plan: Plan, step: int, best: Figures | None, parameters: int, command: str) -> str:
-        """The model card, Markdown, of the weights after `step` steps."""
+        """Return the model card of the weights after `step` steps, in Markdown."""

@@ -1,2 +1,1 @@
-"""How good predicted depth is, in scans and in depth images: errors, whether sigma tells the good from the bad, and the
-tables and plots of these."""
+"""Evaluation of predicted depth in scans and in depth images: errors, calibration of sigma, tables and plots."""

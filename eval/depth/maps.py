@@ -1,4 +1,4 @@
-"""KITTI's depth completion benchmark: its folders, and its figures of one depth map."""
+"""KITTI's depth completion benchmark: folder layout, and metrics of depth maps."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from slam.data.images import ImageFile
 SPARSE, TRUTH, IMAGE = FOLDERS = ("velodyne_raw", "groundtruth_depth", "image")
 
 PROTOCOL = {
-    "figures": "of each image over its pixels with truth and a prediction, then the mean over images, as in KITTI",
-    "coverage": "share of the pixels with truth that a prediction exists for; KITTI expects all",
-    "iMAE, iRMSE": "of the inverse depth, 1/km",
+    "figures": "per image over the pixels with ground truth and a prediction, then averaged over images, as in KITTI",
+    "coverage": "share of the pixels with ground truth that have a prediction; KITTI expects all",
+    "iMAE, iRMSE": "errors of the inverse depth, 1/km",
 }
 
 
@@ -29,9 +29,9 @@ class DepthMapTriple:
     """Files of one image.
 
     Attributes:
-        sparse: The LiDAR's depths in it.
-        truth: The true depths.
-        image: The image itself.
+        sparse: Depth map of the LiDAR.
+        truth: True depth map.
+        image: The image.
     """
 
     sparse: Path
@@ -49,50 +49,53 @@ class DepthMapTriple:
         """
         sparse, truth, image = read_depth_map(self.sparse), read_depth_map(self.truth), ImageFile(self.image)()
         if image is None:
-            raise InputError(f"{self.image}: not an image that can be read; the triple needs it")
+            raise InputError(f"{self.image}: not a readable image; each depth map needs its image")
         if not sparse.shape == truth.shape == image.shape[:2]:
-            raise InputError(f"{self.sparse}: {sparse.shape}, but truth is {truth.shape} and image {image.shape[:2]}")
+            raise InputError(
+                f"{self.sparse}: size {sparse.shape}, but the ground truth has {truth.shape} and the image "
+                f"{image.shape[:2]}; all three must agree"
+            )
         return sparse, truth, image
 
 
 def is_depth_map_folder(path: Path) -> bool:
-    """Whether a folder is laid out like KITTI's `val_selection_cropped`."""
+    """Check whether a folder has the layout of KITTI's `val_selection_cropped`."""
     return all((path / name).is_dir() for name in FOLDERS)
 
 
 def depth_map_triples(path: Path) -> list[DepthMapTriple]:
-    """The files of a folder's images, in the order of their names.
+    """List the files of each image of a folder, sorted by name.
 
     Args:
-        path: With the folders velodyne_raw, groundtruth_depth and image; a file's name has its folder's name in it,
-            `..._velodyne_raw_0000000005_image_02.png`.
+        path: A folder with velodyne_raw, groundtruth_depth and image; file names contain the name of their folder, as
+            in `..._velodyne_raw_0000000005_image_02.png`.
 
     Returns:
-        At least one; files that are missing show when they are read.
+        At least one triple; missing files are reported when they are read.
 
     Raises:
-        InputError: There are none.
+        InputError: The folder has no depth maps.
     """
     found = [
         DepthMapTriple(sparse, *(path / kind / sparse.name.replace(SPARSE, kind) for kind in (TRUTH, IMAGE)))
         for sparse in sorted((path / SPARSE).glob("*.png"))
     ]
     if not found:
-        raise InputError(f"{path / SPARSE}: no .png in it; KITTI's val_selection_cropped has depth maps there")
+        raise InputError(f"{path / SPARSE}: has no .png; KITTI's val_selection_cropped has its depth maps there")
     return found
 
 
 @dataclass(frozen=True)
 class DepthMapFigures:
-    """The benchmark's figures, of one image or as means over several; None where nothing was predicted.
+    """Figures of the benchmark, for one image or averaged over several; None if nothing was predicted.
 
     Attributes:
-        images: How many images these are of.
-        coverage: Share of the pixels with truth that a prediction exists for, 0..1.
+        images: Number of images.
+        coverage: Share of the pixels with ground truth that have a prediction, 0..1.
         mae_mm: Mean absolute error [mm].
-        rmse_mm: Root of the mean square error [mm].
+        rmse_mm: Root mean square error [mm].
         imae: Mean absolute error of the inverse depth [1/km].
-        irmse: Root of the mean square error of the inverse depth [1/km].
+        irmse: Root mean square error of the inverse depth [1/km].
     """
 
     images: int
@@ -103,19 +106,19 @@ class DepthMapFigures:
     irmse: float | None
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the content for JSON."""
         return asdict(self)
 
 
 def depth_map_figures(truth: Array, dense: Array) -> DepthMapFigures:
-    """The figures of one image by the rules of KITTI's depth completion benchmark (Uhrig et al., 3DV 2017).
+    """Compute the figures of one image by the rules of KITTI's depth completion benchmark (Uhrig et al., 3DV 2017).
 
     Args:
-        truth: True depths (H, W) [m], 0 for none.
-        dense: Predicted depths (H, W) [m], 0 for none.
+        truth: True depths (H, W) [m], 0 where unknown.
+        dense: Predicted depths (H, W) [m], 0 where not predicted.
 
     Returns:
-        The figures over the pixels that have both.
+        The figures over the pixels that have both depths.
 
     Example:
         >>> found = depth_map_figures(np.array([[2.0, 4.0, 0.0]]), np.array([[2.5, 0.0, 9.0]]))
@@ -130,13 +133,13 @@ def depth_map_figures(truth: Array, dense: Array) -> DepthMapFigures:
 
 
 def mean_over_images(images: Sequence[DepthMapFigures]) -> DepthMapFigures:
-    """Means over images; those that a method said nothing of count in `coverage` alone. None where it never did.
+    """Average figures over images; images without any prediction count for `coverage` only.
 
     Args:
-        images: The figures of each, at least one.
+        images: The figures of each image, at least one.
 
     Returns:
-        Their means; `images` says of how many.
+        The means, None without any prediction, and the number of images.
     """
 
     def mean(name: str) -> float | None:

@@ -1,4 +1,4 @@
-"""Predicted ranges against measured ones: how wrong, how many, and whether their sigma tells the good from the bad."""
+"""Metrics of predicted ranges against measured ones: errors, coverage, and calibration and ranking by sigma."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ import numpy as np
 from slam.data.cloud import Array
 
 BANDS = ((0, 10), (10, 20), (20, 40), (40, 80))  # m of true range
-SURE = 0.8  # share of the predictions, those with the smallest sigma, that `at_80` is about
-CURVE = np.arange(1, 21) / 20  # shares at which the risk-coverage curve is written down
-MOST_RETURNS = 4_000_000  # that `Answers` keeps
+AT_COVERAGE = 0.8  # share of the predictions, by smallest sigma, that `at_80` is measured on
+CURVE = np.arange(1, 21) / 20  # shares at which the risk-coverage curve is sampled
+MAX_RETURNS = 4_000_000  # that `Predictions` keeps in memory
 
-#: What the figures of `range_figures` are, for whoever reads them.
+#: Definitions of the figures of `range_figures`, printed with them.
 PROTOCOL = {
-    "error": "predicted minus true range along the ray; over the returns that a prediction exists for",
-    "coverage": "share of the held-out returns that a prediction exists for; of trusted: a trusted one",
+    "error": "predicted minus true range along the ray, over the held-out returns that have a prediction",
+    "coverage": "share of the held-out returns that have a prediction; for trusted: a trusted one",
     "worse": "share of the predictions whose |error| is above 0.3 m, 1 m",
-    "iMAE, iRMSE": "of the inverse range, 1/km",
+    "iMAE, iRMSE": "errors of the inverse range, 1/km",
     "AUSE": "mean over k = 1..N of (MAE of the k predictions of smallest sigma - of the k of smallest |error|), in mm",
-    "calibration": "share of the predictions with |error| <= sigma; 0.68 if sigma is what it should be; sigma is "
-    "scaled by what rings held out of the sparse scan itself ask for, as while driving",
-    "past": "methods are shown the same rings of up to five scans before, placed by the drive's true poses, if known",
-    "trusted": "the predictions that the method itself holds worth registering",
+    "calibration": "share of the predictions with |error| <= sigma, ideally 0.68; sigma is scaled by online "
+    "calibration on rings held out of the sparse scan, as in a run",
+    "past": "methods receive the same rings of up to five scans before, transformed by the true poses, if known",
+    "trusted": "the predictions that the method marks as accurate enough for registration",
     "at_80": "the 80 % of the predictions with the smallest sigma",
     "bands": "by true range in metres, from the first number up to the second",
 }
@@ -33,16 +33,16 @@ PROTOCOL = {
 
 @dataclass(frozen=True)
 class Errors:
-    """How wrong predicted ranges or depths are; every figure is None where nothing was predicted.
+    """Errors of predicted ranges or depths; each is None without predictions.
 
     Attributes:
         mae_mm: Mean absolute error [mm].
-        rmse_mm: Root of the mean square error [mm].
+        rmse_mm: Root mean square error [mm].
         imae: Mean absolute error of the inverse [1/km].
-        irmse: Root of the mean square error of the inverse [1/km].
+        irmse: Root mean square error of the inverse [1/km].
         median_mm: Median absolute error [mm].
-        worse_0_3m: Share of the predictions that are wrong by more than 0.3 m, 0..1.
-        worse_1m: Share of the predictions that are wrong by more than 1 m, 0..1.
+        worse_0_3m: Share of the predictions with an error above 0.3 m, 0..1.
+        worse_1m: Share of the predictions with an error above 1 m, 0..1.
     """
 
     mae_mm: float | None
@@ -54,7 +54,7 @@ class Errors:
     worse_1m: float | None
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the content for JSON."""
         names = ("mae_mm", "rmse_mm", "imae", "irmse", "median_mm")
         shares = {"worse_0.3m": self.worse_0_3m, "worse_1m": self.worse_1m}
         return {name: getattr(self, name) for name in names} | shares
@@ -62,29 +62,29 @@ class Errors:
 
 @dataclass(frozen=True)
 class ReturnErrors(Errors):
-    """The same over the held-out returns that a prediction exists for.
+    """Errors of predictions for held-out returns.
 
     Attributes:
-        returns: How many returns were held out.
-        coverage: Share of them that a prediction exists for, 0..1; None where there were none.
+        returns: Number of held-out returns.
+        coverage: Share of them that have a prediction, 0..1; None without held-out returns.
     """
 
     returns: int
     coverage: float | None
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the content for JSON."""
         return {"returns": self.returns, "coverage": self.coverage, **super().as_dict()}
 
 
 @dataclass(frozen=True)
 class RiskCoverage:
-    """The error when only the surest predictions are taken, at the shares `CURVE` of them.
+    """Risk-coverage curve: the error of the share of predictions with the smallest sigma, at the shares `CURVE`.
 
     Attributes:
-        coverage: The shares, 0..1.
-        mae_mm: Mean absolute error of so large a share, smallest sigma first [mm].
-        oracle_mm: The same with the smallest error first, which no sigma can beat [mm].
+        coverage: Shares of the predictions, 0..1.
+        mae_mm: Mean absolute error of each share, sorted by sigma [mm].
+        oracle_mm: Mean absolute error of each share, sorted by the error itself [mm]: a lower bound for any sigma.
     """
 
     coverage: tuple[float, ...]
@@ -94,15 +94,15 @@ class RiskCoverage:
 
 @dataclass(frozen=True)
 class RangeFigures(ReturnErrors):
-    """All figures of one method over held-out returns, see `PROTOCOL`; what needs a sigma is None without.
+    """All figures of one method over held-out returns, see `PROTOCOL`; those that need sigma are None without it.
 
     Attributes:
-        trusted: Of the predictions that the method itself holds worth registering.
+        trusted: Errors of the predictions that the method marks as accurate enough for registration.
         ause_mm: Area under the sparsification error curve [mm].
         calibration: Share of the predictions with |error| <= sigma, 0..1.
-        at_80: Of the 80 % of the predictions with the smallest sigma.
-        risk_coverage: The error over the share of the predictions, surest first.
-        bands: By true range, "0-10" to "40-80" m.
+        at_80: Errors of the 80 % of the predictions with the smallest sigma.
+        risk_coverage: Risk-coverage curve.
+        bands: Errors by true range, "0-10" to "40-80" m.
     """
 
     trusted: ReturnErrors
@@ -113,7 +113,7 @@ class RangeFigures(ReturnErrors):
     bands: Mapping[str, ReturnErrors]
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the content for JSON."""
         return {
             **super().as_dict(),
             "trusted": self.trusted.as_dict(),
@@ -125,55 +125,56 @@ class RangeFigures(ReturnErrors):
         }
 
 
-class Answers:
-    """Held-out returns of a drive, and what methods said of them; `figures` has those of each method.
+class Predictions:
+    """Predictions of several methods for the held-out returns of a sequence.
 
-    Of more returns than `MOST_RETURNS` each frame keeps its share, evenly spread over its rings.
+    If there are more returns than `MAX_RETURNS`, each frame keeps an equal number, evenly spread over its rings.
 
     Args:
-        frames: How many frames will be added.
+        frames: Number of frames that will be added.
     """
 
     def __init__(self, frames: int) -> None:
-        self._most = max(MOST_RETURNS // frames, 1)
+        self._most = max(MAX_RETURNS // frames, 1)
         self._truth: list[Array] = []
-        self._answers: dict[str, list[tuple[Array, ...]]] = {}
+        self._predictions: dict[str, list[tuple[Array, ...]]] = {}
 
-    def add(self, truth: Array, answers: Mapping[str, tuple[Array, ...]], which: Array | None = None) -> None:
-        """Add a frame's returns.
+    def add(self, truth: Array, predictions: Mapping[str, tuple[Array, ...]], which: Array | None = None) -> None:
+        """Add the returns of a frame.
 
         Args:
             truth: True ranges (M,) [m].
-            answers: Of each method, the same each time, predicted, sigma and trusted (M,) as in `range_figures`.
+            predictions: Predicted range, sigma and trusted (M,) of each method, as in `range_figures`; the same methods
+                for every frame.
             which: (M,) bool, which returns count; by default all.
         """
         counted = np.arange(len(truth)) if which is None else np.flatnonzero(which)
         thinned = counted[:: max(-(-len(counted) // self._most), 1)]
         self._truth.append(truth[thinned].astype(np.float32))
-        for name, parts in answers.items():
-            self._answers.setdefault(name, []).append(tuple(part[thinned] for part in parts))
+        for name, parts in predictions.items():
+            self._predictions.setdefault(name, []).append(tuple(part[thinned] for part in parts))
 
     def figures(self) -> dict[str, RangeFigures]:
-        """By method; none where nothing was added."""
+        """Return the figures by method; empty if nothing was added."""
         return {
             name: range_figures(
                 np.concatenate(self._truth), *(np.concatenate(part) for part in zip(*parts, strict=True))
             )
-            for name, parts in self._answers.items()
+            for name, parts in self._predictions.items()
         }
 
 
 def range_figures(truth: Array, predicted: Array, sigma: Array, trusted: Array) -> RangeFigures:
-    """All figures of one method's ranges along rays whose returns are known; `PROTOCOL` has their definitions.
+    """Compute all figures of predicted ranges along rays with known returns; see `PROTOCOL` for the definitions.
 
     Args:
         truth: True ranges (N,) [m].
-        predicted: Ranges (N,) [m], 0 where there is no prediction.
+        predicted: Predicted ranges (N,) [m], 0 where not predicted.
         sigma: Half the width of the central 68 % interval of the error (N,) [m], infinite where unknown.
-        trusted: (N,) bool, whether the method holds its prediction worth registering.
+        trusted: (N,) bool, whether the method marks its prediction as accurate enough for registration.
 
     Returns:
-        The figures; what cannot be computed is None.
+        The figures; None where one cannot be computed.
 
     Example:
         >>> figures = range_figures(
@@ -197,14 +198,14 @@ def range_figures(truth: Array, predicted: Array, sigma: Array, trusted: Array) 
 
 
 def errors(truth: Array, error: Array) -> Errors:
-    """How wrong predictions are.
+    """Compute the errors of predictions.
 
     Args:
         truth: True ranges or depths (N,) [m].
         error: Predicted minus true (N,) [m].
 
     Returns:
-        The figures, None each where N = 0.
+        The figures, each None if N = 0.
 
     Example:
         >>> found = errors(np.array([10.0, 10.0, 10.0]), np.array([0.5, -0.5, 2.0]))
@@ -225,13 +226,13 @@ def errors(truth: Array, error: Array) -> Errors:
 
 
 def risk_coverage(size: Array, sigma: Array) -> Array:
-    """The mean error of the k predictions of smallest sigma, for k = 1..N.
+    """Compute the mean error of the k predictions with the smallest sigma, for k = 1..N.
 
-    Among equal sigmas the order says nothing, so each counts with their mean.
+    Predictions with equal sigma have no order, so each counts with the mean of their errors.
 
     Args:
         size: Absolute errors (N,).
-        sigma: What sorts them (N,).
+        sigma: Uncertainty that sorts the errors (N,).
 
     Returns:
         The means (N,), in the unit of `size`.
@@ -252,12 +253,12 @@ def _return_errors(truth: Array, predicted: Array) -> ReturnErrors:
 
 
 def _uncertainty(truth: Array, error: Array, sigma: Array) -> dict[str, Any]:
-    """Whether sigma is right, and whether it sorts; None for methods that do not know."""
+    """Calibration and ranking by sigma; None for methods without sigma."""
     if not np.isfinite(sigma).any():
         return {"ause_mm": None, "calibration": None, "at_80": None, "risk_coverage": None}
     size = np.abs(error)
     risk, oracle = risk_coverage(size, sigma), np.cumsum(np.sort(size)) / _ranks(size)
-    surest = np.argsort(sigma, kind="stable")[: round(SURE * len(sigma))]
+    surest = np.argsort(sigma, kind="stable")[: round(AT_COVERAGE * len(sigma))]
     at = np.maximum(np.ceil(CURVE * len(size)).astype(int), 1) - 1
     return {
         "ause_mm": 1000 * float(np.mean(risk - oracle)),

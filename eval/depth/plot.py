@@ -1,4 +1,4 @@
-"""The picture of a depth benchmark: what is left of the error when only the surest predictions are taken."""
+"""Risk-coverage plot of a depth benchmark: the error of the share of predictions with the smallest sigma."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 def plot_risk_coverage(report: DepthReport, path_png: Path) -> None:
-    """Draw the MAE of the surest predictions over their share, a panel a view.
+    """Draw the MAE of the predictions with the smallest sigma over their share, one panel per view.
 
-    Methods without sigma are single points at the share of returns that they predict. Below each curve, dotted, the
-    same predictions sorted by their true error: what no sigma can beat.
+    Methods without sigma are single points at their coverage. The dotted curve is sorted by the true error, which is a
+    lower bound for any sigma.
 
     Args:
-        report: Of a drive.
-        path_png: The file to write; it appears under its name only when whole.
+        report: Report of a sequence.
+        path_png: The file to write, atomically.
     """
     from matplotlib.figure import Figure
 
@@ -40,7 +40,7 @@ def plot_risk_coverage(report: DepthReport, path_png: Path) -> None:
 
 
 def _curve(axes: Axes, figures: RangeFigures, name: str, colour: str) -> None:
-    """Over the share of all held-out returns, so that leaving the difficult ones out is not rewarded."""
+    """Draw a method over the share of all held-out returns, so that skipping difficult returns is not rewarded."""
     if figures.coverage is None or figures.mae_mm is None:
         return
     coverage, curve = 100 * figures.coverage, figures.risk_coverage
@@ -55,7 +55,7 @@ def _curve(axes: Axes, figures: RangeFigures, name: str, colour: str) -> None:
 
 def _label(axes: Axes, title: str) -> None:
     axes.set_title(title, loc="left", color=INK, fontsize=11)
-    axes.set_xlabel("share of the held-out returns [%], surest first", color=INK)
+    axes.set_xlabel("share of the held-out returns [%], smallest sigma first", color=INK)
     axes.set_xlim(0, 102)
     axes.set_ylim(bottom=0)
     axes.plot([], [], color=GREY, linestyle=":", label="dotted: sorted by true error")

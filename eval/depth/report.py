@@ -1,4 +1,4 @@
-"""What depth.json holds: the figures of every method, and what they were measured on."""
+"""Content of depth.json: the figures of each method, and the data they were measured on."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any
 from eval.depth.maps import DepthMapFigures
 from eval.depth.metrics import RangeFigures
 
-#: Which returns figures are over, as named in depth.json, and for people.
-VIEWS = {"image": "In the image", "full": "All around"}
+#: Which returns the figures cover: the name in depth.json, and the title.
+VIEWS = {"image": "Camera field of view", "full": "All returns (360 deg)"}
 
 
 @dataclass(frozen=True)
 class MethodReport:
-    """One method.
+    """Figures of one method.
 
     Attributes:
-        ms: Median of the time it takes a frame [ms].
-        image: Over what the camera sees; None without a camera.
-        full: Over all returns of the scans; None of depth maps.
-        parameters: How many it learned; None without learning.
+        ms: Median time per frame [ms].
+        image: Figures in the camera's field of view; None without a camera.
+        full: Figures over all returns of the scans; None for depth maps.
+        parameters: Number of learned parameters; None without learning.
     """
 
     ms: float
@@ -30,26 +30,26 @@ class MethodReport:
     parameters: int | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON, without what is None."""
+        """Return the content for JSON, without entries that are None."""
         views = {"image": self.image, "full": self.full}
         parameters = {} if self.parameters is None else {"parameters": self.parameters}
         return {**{view: found.as_dict() for view, found in views.items() if found}, "ms": self.ms, **parameters}
 
 
 @dataclass(frozen=True)
-class AboutDrive:
-    """A drive whose scans methods saw some rings of.
+class AboutSequence:
+    """The sequence that methods were measured on.
 
     Attributes:
-        title: For people.
-        dataset: The drive's name.
-        frames: The numbers of the frames that were chosen.
-        frames_left_out: The numbers of those that were empty or had no rings.
-        sensor: The LiDAR's name.
-        ring_step: Every so-many-th ring was kept.
-        phase: The first ring that was kept.
-        columns: Azimuth columns of the grid of rays.
-        protocol: What each figure means.
+        title: Title for display.
+        dataset: Name of the sequence.
+        frames: Numbers of the selected frames.
+        frames_left_out: Numbers of the frames that were empty or had no rings.
+        sensor: Name of the LiDAR.
+        ring_step: Every `ring_step`-th ring was kept.
+        phase: Index of the first ring that was kept.
+        columns: Azimuth columns of the ray grid.
+        protocol: Definition of each figure.
     """
 
     title: str
@@ -65,12 +65,12 @@ class AboutDrive:
 
 @dataclass(frozen=True)
 class AboutDepthMaps:
-    """Depth maps of KITTI's depth completion benchmark.
+    """The depth maps of KITTI's depth completion benchmark that methods were measured on.
 
     Attributes:
-        title: For people.
-        images: The names of the files with sparse depths.
-        protocol: What each figure means.
+        title: Title for display.
+        images: Names of the files with sparse depths.
+        protocol: Definition of each figure.
     """
 
     title: str
@@ -80,16 +80,16 @@ class AboutDepthMaps:
 
 @dataclass(frozen=True)
 class DepthReport:
-    """The figures of every method on the same data.
+    """Figures of several methods on the same data.
 
     Attributes:
-        methods: By name.
-        about: What they were measured on.
+        methods: The methods by name.
+        about: The data that they were measured on.
     """
 
     methods: Mapping[str, MethodReport]
-    about: AboutDrive | AboutDepthMaps
+    about: AboutSequence | AboutDepthMaps
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: the methods by name, and "about"."""
+        """Return the content for JSON: the methods by name, and "about"."""
         return {**{name: method.as_dict() for name, method in self.methods.items()}, "about": asdict(self.about)}

@@ -1,4 +1,4 @@
-"""Figures of predicted depth as text for the terminal."""
+"""Tables of predicted depth for the terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from eval.depth.metrics import BANDS
 from eval.depth.report import VIEWS, DepthReport
 from eval.text import number, protocol_text, text_table
 
-#: Table II of Yue et al., on 154 frames of its own, after training on 1730.
+#: Table II of Yue et al., on their 154 frames, after training on 1730.
 PAPER = {
     "l2l": {"rmse_mm": 22160, "mae_mm": 2165},
     "li2l": {"rmse_mm": 26162, "mae_mm": 2622},
@@ -30,11 +30,11 @@ FIGURE_COLUMNS: tuple[tuple[str, tuple[str, ...], float, int], ...] = (
     ("in sigma\n[%]", ("calibration",), 100, 1),
     ("trusted\n[%]", ("trusted", "coverage"), 100, 1),
     ("MAE,\ntrusted", ("trusted", "mae_mm"), 1, 0),
-    ("MAE, best\n80 %", ("at_80", "mae_mm"), 1, 0),
-    ("RMSE, best\n80 %", ("at_80", "rmse_mm"), 1, 0),
+    ("MAE, 80 %\ncoverage", ("at_80", "mae_mm"), 1, 0),
+    ("RMSE, 80 %\ncoverage", ("at_80", "rmse_mm"), 1, 0),
 )
-#: Of a method whatever the view.
-METHOD_COLUMNS = {"ms": ("ms a\nframe", ("ms",), 1, 1), "parameters": ("param-\neters", ("parameters",), 1, 0)}
+#: Columns that do not depend on the view.
+METHOD_COLUMNS = {"ms": ("ms per\nframe", ("ms",), 1, 1), "parameters": ("param-\neters", ("parameters",), 1, 0)}
 BAND_COLUMNS = tuple(
     (f"{low}-{high} m\n{title}", ("bands", f"{low}-{high}", key), factor, decimals)
     for low, high in BANDS
@@ -43,14 +43,14 @@ BAND_COLUMNS = tuple(
 
 
 def format_report(report: DepthReport) -> str:
-    """Tables with a row a method, as wide as they need to be, and the protocol below."""
+    """Format tables with one row per method, followed by the protocol."""
     methods = {name: method.as_dict() for name, method in report.methods.items()}
     tables = [table for view, title in VIEWS.items() for table in _tables(view, title, methods)]
     return "\n".join([*tables, protocol_text(report.about.protocol)])
 
 
 def _tables(view: str, title: str, methods: Mapping[str, Any]) -> Iterator[str]:
-    """Of one view, if any method has figures of it; columns that none has anything in are left out."""
+    """Tables of one view, if any method has figures for it; columns without any values are left out."""
     shown = {
         name: entry[view] | {key: entry.get(key) for key in METHOD_COLUMNS}
         for name, entry in methods.items()
@@ -67,7 +67,7 @@ def _tables(view: str, title: str, methods: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _papers(shown: Collection[str]) -> dict[str, Mapping[str, Any]]:
-    """What the paper says of its networks, where these have rows."""
+    """The paper's figures of its networks, for those that have rows."""
     return {f"{name}, the paper's": figures for name, figures in PAPER.items() if name in shown}
 
 

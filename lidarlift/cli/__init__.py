@@ -1,4 +1,4 @@
-"""The command `lidarlift`, a module a command: arguments, progress and printing around the functions of lidarlift."""
+"""The command `lidarlift`, one module per command: arguments, progress bars and printing around lidarlift's API."""
 
 from lidarlift.cli.app import main
 

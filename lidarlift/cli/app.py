@@ -1,6 +1,6 @@
-"""The commands in their order, and what becomes of errors.
+"""The list of commands, and the handling of errors.
 
-So that `--help` is there at once, the modules of the commands import what computes only when a command runs.
+The command modules import the computing modules only when a command runs, so that `--help` is fast.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
-    help="""LiDAR SLAM for people with a cheap LiDAR: a drive's scans become a trajectory, a map and an honest report.
+    help="""LiDAR SLAM for low-cost LiDARs: estimate trajectory and map of a recorded sequence, and evaluate them.
 
     Example: `lidarlift run 2011_09_26/2011_09_26_drive_0013_sync --input 16 --out runs/0013`
 
-    No data at hand: `lidarlift demo`
+    Without data: `lidarlift demo`
     """,
 )
 for command in (run, info, compare, enrich, evaluate, export, config, fit_lasers, simulate, demo, depth_benchmark):
@@ -60,18 +60,18 @@ def options(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    pass
+    """Options of `lidarlift` without a command."""
 
 
 def main() -> None:
-    """Entry point: 0 done, 1 a clear error on stderr, 2 usage, 130 stopped by Ctrl-C."""
+    """Run the command line; exit codes: 0 done, 1 error (one line on stderr), 2 usage, 130 stopped by Ctrl-C."""
     try:
         app()
     except SystemExit as end:
         if end.code == INTERRUPTED:
-            messages.print("Stopped. The files that are there are whole.")
+            messages.print("Stopped. All files written so far are complete.")
             sys.stdout.flush()
-            os._exit(INTERRUPTED)  # sys.exit would wait for threads, one of which may be inside a solver
+            os._exit(INTERRUPTED)  # sys.exit would wait for threads, and one may be inside a solver
         raise
     except InputError as error:
         messages.print(f"Error: {error}", style="red", markup=False)

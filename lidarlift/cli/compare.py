@@ -1,4 +1,4 @@
-"""`lidarlift compare`: one drive at 16 channels, enriched and at 64, beside each other."""
+"""`lidarlift compare`: one sequence at 16 channels, enriched and at 64 channels."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from lidarlift.cli.arguments import (
     frame_slice,
 )
 from lidarlift.cli.console import Console
-from lidarlift.comparing import compare_into, inputs_of, rows_for, title_of
+from lidarlift.comparing import available_inputs, compare_into, comparison_title, rows_for
 
 if TYPE_CHECKING:
     from eval.compare import Comparison
@@ -43,24 +43,24 @@ def compare(
     out: Annotated[Path | None, typer.Option(help="The folder for the runs. Default: runs/NAME-compared.")] = None,
     strict: StrictOption = False,
 ) -> None:
-    """Drive through a data set with 16 channels, with these enriched, and with 64, and compare: a run folder each.
+    """Run a data set with 16 channels, with these enriched, and with 64, and compare: one run folder each.
 
     Example: `lidarlift compare kitti/sequences/04 --frames 0:50 --out runs/04`
 
-    Beside another enricher ray-segment, which learned nothing, has a row of its own.
+    If the enricher is not ray-segment, ray-segment gets a row as well: it needs no training.
     """
     from slam.data.dataset import open_dataset
 
     said = {"stamp": stamp and stamp.value, "point_time": point_time, "columns": columns}
     data = open_dataset(dataset, sequence, sensor, **said)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
-    rows, chosen = rows_for(inputs_of(data), enricher, config, set_ or ()), frame_slice(frames)
+    rows, chosen = rows_for(available_inputs(data), enricher, config, set_ or ()), frame_slice(frames)
     comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)
-    print_comparison(comparison, title_of(data, rows, chosen), folder, rows)
+    print_comparison(comparison, comparison_title(data, rows, chosen), folder, rows)
 
 
 def print_comparison(comparison: Comparison, title: str, folder: Path, rows: Iterable[str]) -> None:
-    """The tables on stdout, and which files there are."""
+    """Print the tables and the list of files that were written."""
     from eval.tables import format_comparison
 
     print(f"\n{title}\n")

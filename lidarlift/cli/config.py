@@ -1,4 +1,4 @@
-"""`lidarlift config`: the settings in force."""
+"""`lidarlift config`: the effective settings."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ def config(
     config: ConfigOption = None,
     set_: SetOption = None,
 ) -> None:
-    """Print the settings in force as YAML, which `--config` takes.
+    """Print the effective settings as YAML, in the format that `--config` reads.
 
     Example: `lidarlift config --input 16 --set odometry.voxel_size=0.6 > mine.yaml`
 
-    They are the defaults, then those of a preset or file, then single ones. Cells and voxels that are null follow from
-    the first scan.
+    A preset or file overrides the defaults, and single settings override both. Cell and voxel sizes that are null are
+    chosen from the first scan.
     """
     settings = load_config(config, set_ or (), input=input and input.value, enricher=enricher)
     print(yaml_text(settings), end="")

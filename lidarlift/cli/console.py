@@ -1,4 +1,4 @@
-"""What goes to stderr while a command works: messages and progress."""
+"""Messages and progress bars on stderr."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ messages = console.Console(stderr=True, highlight=False, soft_wrap=True, emoji=F
 
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Callable[[], None]]:
-    """A bar of `total` frames with frames a second; what it yields is called once a frame."""
+    """Show a progress bar of `total` frames with the frame rate; call the yielded function once per frame."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -34,10 +34,12 @@ def progress(title: str, total: int) -> Iterator[Callable[[], None]]:
 
 
 class Console(Reporter):
-    """Progress bars and notes on stderr."""
+    """Reporter of the command line: progress bars and notes on stderr."""
 
     def progress(self, title: str, total: int) -> AbstractContextManager[Callable[[], None]]:
+        """Show a progress bar."""
         return progress(title, total)
 
     def note(self, message: str) -> None:
+        """Print a note."""
         messages.print(f"Note: {message}", style="yellow", markup=False)

@@ -1,4 +1,4 @@
-"""`lidarlift demo`: 16 channels, enriched and 64 compared on a simulated drive; no data needed."""
+"""`lidarlift demo`: comparison of 16 channels, enriched and 64 channels on a simulated sequence; needs no data."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import typer
 from lidarlift.cli.compare import print_comparison
 from lidarlift.cli.console import Console, messages, progress
 from lidarlift.cli.forecast import Forecast
-from lidarlift.comparing import INPUTS, compare_into, rows_for, title_of
+from lidarlift.comparing import INPUTS, compare_into, comparison_title, rows_for
 from slam.data.atomic import require_writable
 from slam.data.errors import InputError
 from slam.data.machine import cache_folder
@@ -23,26 +23,26 @@ if TYPE_CHECKING:
     from slam.simulation.simulation import Simulation
 
 NAME = "Simulated loop"
-EVERY = 2  # takes every other frame, 1.5 m apart on average: nearly the same figures in half of the time
-QUICK = 53  # frames: the first hundred metres, the least that has a drift
-AROUND = 280  # frames: once around the block and 80 m on, 40 of them driven twice, which closes loops
-#: Seconds on the machine whose speed `Forecast` knows: a core's for a simulated frame; a frame's in each row.
+EVERY = 2  # use every second frame, 1.5 m apart on average: nearly the same figures in half of the time
+QUICK = 53  # frames: the first hundred metres, the shortest length for which drift is defined
+AROUND = 280  # frames: once around the block and 80 m further, of which 40 m are driven twice and close loops
+#: Seconds on the reference machine of `Forecast`: to simulate a frame on one core, and to process one in each row.
 SIMULATED, REGISTERED = 0.23, {"16": 0.03, "ray-segment": 0.055, "lift": 0.2, "64": 0.075}
-#: And what the simulation and each row take besides; and what compiling kernels, once, adds to the simulation.
+#: Fixed seconds of the simulation and of each row, and of compiling the kernels once, during the simulation.
 TOWN, ROW, KERNELS = 6.0, 7.0, 25.0
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="The folder for the runs and their comparison.")] = Path("runs/demo"),
-    quick: Annotated[bool, typer.Option("--quick", help="Only the first hundred metres: a minute or two.")] = False,
-    full: Annotated[bool, typer.Option("--full", help="All of the drive, at ten frames a second, not five.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for the runs and their comparison.")] = Path("runs/demo"),
+    quick: Annotated[bool, typer.Option("--quick", help="Use the first hundred metres only: a minute or two.")] = False,
+    full: Annotated[bool, typer.Option("--full", help="Use the whole sequence at 10 instead of 5 Hz.")] = False,
 ) -> None:
-    """See what it does, without any data: simulate a drive, run it at 16 channels, enriched and at 64, and compare.
+    """Try lidarlift without data: simulate a sequence, run it at 16 channels, enriched and at 64, and compare.
 
     Example: `lidarlift demo --quick`
     """
     if quick and full:
-        raise typer.BadParameter("is the whole drive; leave --quick out", param_hint="--full")
+        raise typer.BadParameter("uses the whole sequence; leave --quick out", param_hint="--full")
     from slam.compilation import compile_kernels
     from slam.data.dataset import open_dataset
     from slam.simulation.simulation import Simulation, SimulationConfig
@@ -57,45 +57,47 @@ def demo(
     forecast = _forecast(rows, count, len(missing), cold=not town.exists())
     messages.print(
         "A car with a 64-channel LiDAR and a camera drives around the block in a simulated town.\n"
-        f"Its scans are kept for the next time in {town}\n"
-        f"All in all this takes {forecast} here.",
+        f"The scans are kept for later demos in {town}\n"
+        f"The demo takes {forecast} on this machine.",
         markup=False,
     )
     compiling = Thread(target=compile_kernels, args=(rows["16"], lambda: None), daemon=True)
-    compiling.start()  # others simulate, this process has nothing to do
+    compiling.start()  # worker processes simulate, this process is idle meanwhile
     with progress("Simulating", count) as advance:
         simulation.write(town, count, advance)
     compiling.join()
     forecast.done("simulation")
     messages.print(
-        "LiDAR SLAM on these scans: with 16 of the 64 rings, as a cheap LiDAR has them; with the others filled in; "
-        f"and with all as they were measured; {forecast} to go"
+        "LiDAR SLAM on these scans: with 16 of the 64 rings, as a low-cost LiDAR has; with these enriched; "
+        f"and with all 64 measured rings; {forecast} left"
     )
     data = open_dataset(town)
 
     def row_done(row: str) -> None:
         forecast.done(row)
-        messages.print(_line(row, out / row) + (f"; {forecast} to go" if forecast.left else ""))
+        messages.print(_line(row, out / row) + (f"; {forecast} left" if forecast.left else ""))
 
     comparison = compare_into(out, data, rows, slice(count), Console(), name=NAME, on_row=row_done)
-    print_comparison(comparison, title_of(data, rows, slice(count), NAME), out, rows)
-    print("Your own drive: lidarlift compare path/to/drive, or lidarlift run path/to/drive")
+    print_comparison(comparison, comparison_title(data, rows, slice(count), NAME), out, rows)
+    print("With your own data: lidarlift compare path/to/sequence, or lidarlift run path/to/sequence")
 
 
 def _kept(simulation: Simulation, name: str) -> Path:
-    """The folder in the user's cache where the drive stays for the next time, whole or in part: a demo that was broken
-    off goes on, and the whole drive after its beginning. What an older version left there is removed."""
+    """The cache folder that keeps the simulated frames, so that an interrupted or longer demo continues from them.
+
+    A simulation of an older version is removed.
+    """
     folder = cache_folder(name)
     if not simulation.matches(folder):
         try:
             shutil.rmtree(folder)
         except OSError as error:
-            raise InputError(f"{folder}: an outdated simulation that cannot be removed ({error}); remove it") from error
+            raise InputError(f"{folder}: cannot remove an outdated simulation ({error}); remove it yourself") from error
     return folder
 
 
 def _forecast(rows: Mapping[str, Config], count: int, missing: int, *, cold: bool) -> Forecast:
-    """Of a drive of so many frames, some of them still to be simulated; in a `cold` start kernels are compiled."""
+    """Remaining time for `count` frames, `missing` of which are to be simulated; `cold`: kernels are to be compiled."""
     from slam.simulation.simulation import processes
 
     seconds = {"simulation": TOWN + SIMULATED * missing / processes() if missing else 0.0}
@@ -108,7 +110,7 @@ def _forecast(rows: Mapping[str, Config], count: int, missing: int, *, cold: boo
 
 
 def _line(row: str, folder: Path) -> str:
-    """The figures of a run that is done, in short."""
+    """One line with the figures of a finished run."""
     from eval.compare import compare_runs
 
     figures = compare_runs({row: folder}).inputs[row]

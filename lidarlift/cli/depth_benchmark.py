@@ -1,4 +1,4 @@
-"""`lidarlift depth-benchmark`: how well methods predict what a sparse scan does not show."""
+"""`lidarlift depth-benchmark`: accuracy of the depth that enrichment methods predict."""
 
 from __future__ import annotations
 
@@ -19,22 +19,27 @@ if TYPE_CHECKING:
 
 def depth_benchmark(
     dataset: Annotated[
-        Path, typer.Argument(help="A drive whose scans have rings, or KITTI's depth completion images with truth.")
+        Path,
+        typer.Argument(help="A sequence with ring indices, or KITTI's depth completion images with ground truth."),
     ],
     sequence: SequenceOption = None,
     frames: FramesOption = ":",
     sensor: SensorOption = None,
     columns: ColumnsOption = None,
-    phase: Annotated[int, typer.Option(min=0, max=3, help="The first ring that is kept; then every fourth.")] = 0,
-    method: Annotated[list[str] | None, typer.Option(help="Only this one; may be given several times.")] = None,
-    out: Annotated[Path, typer.Option(help="The folder for the figures.")] = Path("runs/depth"),
+    phase: Annotated[
+        int, typer.Option(min=0, max=3, help="Index of the first ring that is kept, then every fourth.")
+    ] = 0,
+    method: Annotated[
+        list[str] | None, typer.Option(help="Measure this method only; may be given several times.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("runs/depth"),
 ) -> None:
-    """Measure how well methods predict depth: they see 16 of 64 rings, and the other rings' returns are the answers.
+    """Measure the depth that enrichment methods predict from 16 of 64 rings; the other rings are the reference.
 
     Example: `lidarlift depth-benchmark kitti/sequences/04 --frames ::5 --out runs/depth-04`
 
-    Of sensors with fewer rings, every second is held out. A folder like KITTI's val_selection_cropped (velodyne_raw,
-    groundtruth_depth, image) is recognised and measured by that benchmark's own rules.
+    For sensors with fewer rings, every second ring is held out. A folder in the layout of KITTI's val_selection_cropped
+    (velodyne_raw, groundtruth_depth, image) is recognised and measured by the rules of that benchmark.
     """
     from eval.depth.maps import is_depth_map_folder
     from eval.depth.plot import plot_risk_coverage
@@ -59,16 +64,16 @@ def depth_benchmark(
 
 def _of_drive(data: Dataset, names: Collection[str], frames: slice, phase: int) -> DepthReport:
     from enrichment.methods.registry import make_methods, runnable
-    from lidarlift.depth_benchmark import frames_to_measure, report_of_drive
+    from lidarlift.depth_benchmark import frames_to_measure, sequence_report
 
     methods = make_methods(names or runnable())
     with progress(data.name, len(frames_to_measure(data, frames, phase))) as advance:
-        return report_of_drive(data, methods, frames, phase, advance)
+        return sequence_report(data, methods, frames, phase, advance)
 
 
 def _of_depth_maps(folder: Path, names: Collection[str], images: slice) -> DepthReport:
-    from lidarlift.depth_benchmark import completions, depth_maps_to_measure, report_of_depth_maps
+    from lidarlift.depth_benchmark import completions, depth_map_report, depth_maps_to_measure
 
     methods = completions(names)
     with progress(folder.name, len(depth_maps_to_measure(folder, images))) as advance:
-        return report_of_depth_maps(folder, methods, images, advance)
+        return depth_map_report(folder, methods, images, advance)

@@ -1,4 +1,4 @@
-"""`lidarlift evaluate`: two trajectory files against each other."""
+"""`lidarlift evaluate`: a trajectory file against a reference."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ def evaluate(
     estimate: Annotated[Path, typer.Argument(help="Trajectory, KITTI or TUM format.")],
     reference: Annotated[Path, typer.Argument(help="Ground truth, KITTI or TUM format.")],
     calib: Annotated[
-        Path | None, typer.Option(help="KITTI calib.txt: brings a camera-0 reference into the LiDAR's frame.")
+        Path | None, typer.Option(help="KITTI calib.txt: transforms a camera-0 reference into the LiDAR frame.")
     ] = None,
 ) -> None:
-    """Compare a trajectory with ground truth: ATE, RPE and KITTI's drift, each with its protocol.
+    """Evaluate a trajectory against ground truth: ATE, RPE and KITTI's drift, each with its protocol.
 
     Example: `lidarlift evaluate runs/04/trajectory_kitti.txt poses/04.txt --calib sequences/04/calib.txt`
     """

@@ -1,4 +1,4 @@
-"""`lidarlift fit-lasers`: a sensor's laser lines from scans of it."""
+"""`lidarlift fit-lasers`: fit the laser lines of a sensor to its scans."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from slam.data.laser_lines import LaserLines
 
 
-#: Raw scans lie nearer to their lines [deg]: KITTI's, rounded to 1 mm, within 0.005.
+#: Upper bound of the median residual of raw scans [deg]: KITTI's, rounded to 1 mm, reach 0.005.
 TYPICAL_RESIDUAL = 0.02
 
 
@@ -25,16 +25,16 @@ def fit_lasers(
     sequence: SequenceOption = None,
     rings: Annotated[
         int | None,
-        typer.Option(min=2, help="How many lasers the sensor has. Default: what the data set or most scans say."),
+        typer.Option(min=2, help="Number of lasers. Default: from the data set or the majority of the scans."),
     ] = None,
     frames: FramesOption = ":",
     columns: ColumnsOption = None,
     out: Annotated[Path, typer.Option(help="The file to write; it must not exist yet.")] = Path("sensor.yaml"),
 ) -> None:
-    """Fit elevation and height of each laser to raw scans, for a sensor.yaml: place it beside the scans.
+    """Fit elevation and height offset of each laser to raw scans, for a sensor.yaml in the folder of the scans.
 
-    Any spinning LiDAR; the more different the distances that its lasers see, the better. Files need a ring field
-    (.pcd, .ply, .npy), or to be stored ring after ring, as KITTI's are.
+    This works for any spinning LiDAR, best if each laser sees a wide range of distances. Files need a ring field
+    (.pcd, .ply, .npy), or their points must be stored ring by ring, as in KITTI.
 
     Example: `lidarlift fit-lasers my-scans --rings 32 --out my-scans/sensor.yaml`
     """
@@ -45,7 +45,7 @@ def fit_lasers(
     from slam.data.laser_lines import fit_dataset, sensor_text
 
     if out.exists():
-        raise InputError(f"{out}: exists already; choose another --out, or move it away")
+        raise InputError(f"{out}: already exists; choose another --out, or move the file")
     require_writable(out.parent)
     data = open_dataset(dataset, sequence, columns=columns)
     positions = chosen_positions(data, frame_slice(frames))
@@ -55,7 +55,7 @@ def fit_lasers(
         messages.print(f"Note: {problem.kind}: {problem.message}", style="yellow", markup=False)
     off = float(np.rad2deg(np.median(lines.residual)))
     if off > TYPICAL_RESIDUAL:
-        text = f"points lie {off:.3f} deg off their lines; raw scans are expected, not motion-compensated ones"
+        text = f"median residual {off:.3f} deg; expected are raw scans, not motion-compensated ones"
         messages.print(f"Note: {data.path}: {text}", style="yellow", markup=False)
     name, correction = (data.sensor.name, data.sensor.vertical_correction) if data.sensor else (data.name, 0.0)
     write_text(out, sensor_text(lines, name, correction))
@@ -64,7 +64,7 @@ def fit_lasers(
 
 
 def _table(lines: LaserLines) -> str:
-    """A line a ring, top first, each figure with its standard error."""
+    """One line per ring, top first, each figure with its standard error."""
     import numpy as np
 
     degrees = np.rad2deg([lines.elevation, lines.elevation_error, lines.residual])

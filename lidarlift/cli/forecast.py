@@ -1,4 +1,4 @@
-"""How long a command still takes: what its steps took elsewhere, as much slower or faster as this machine is."""
+"""Remaining time of a command: times measured on a reference machine, scaled by the speed of this machine."""
 
 from __future__ import annotations
 
@@ -6,14 +6,19 @@ from collections.abc import Callable, Mapping
 from time import perf_counter
 
 LOOPS = 20_000_000
-USUAL = 0.25  # seconds that so many loops took where the steps' seconds were measured
+REFERENCE = 0.25  # seconds for LOOPS loops on the reference machine, where the seconds of the steps were measured
 
 
 class Forecast:
-    """Of steps whose usual seconds are known, those of a machine on which `timed` gives USUAL.
+    """Forecast of the remaining time of steps, from their seconds on the reference machine.
 
-    At first a timing of less than a second tells how this machine compares; from the first step that is done, what
-    the steps took does.
+    The scale of this machine is first measured by `timed`, in less than a second, and after the first finished step by
+    the duration of the steps themselves.
+
+    Args:
+        seconds: Seconds of each step on the reference machine, where `timed` returns REFERENCE.
+        clock: Current time [s].
+        timed: Benchmark of this machine [s]; by default `timed_loops`.
     """
 
     def __init__(
@@ -23,22 +28,22 @@ class Forecast:
         timed: Callable[[], float] | None = None,
     ) -> None:
         self._left, self._done = dict(seconds), 0.0
-        self._slowness = (timed or timed_loops)() / USUAL
+        self._slowness = (timed or timed_loops)() / REFERENCE
         self._clock, self._begin = clock, clock()
 
     def done(self, step: str) -> None:
-        """The step, which was begun when the one before was done, is done."""
+        """Mark a step as finished; it began when the step before was finished."""
         self._done += self._left.pop(step)
         if self._done > 0:
             self._slowness = (self._clock() - self._begin) / self._done
 
     @property
     def left(self) -> bool:
-        """Whether there is a step to come."""
+        """Whether any step is unfinished."""
         return bool(self._left)
 
     def __str__(self) -> str:
-        """What is left, for people: to ten seconds below two minutes, to half a minute above."""
+        """Remaining time, rounded to ten seconds below two minutes and to half a minute above."""
         seconds = self._slowness * sum(self._left.values())
         if seconds >= 115:
             return f"about {round(seconds / 30) / 2:g} minutes"
@@ -46,7 +51,7 @@ class Forecast:
 
 
 def timed_loops() -> float:
-    """Seconds of LOOPS rounds of Python; where other programs come between, they will do so later as well."""
+    """Return the seconds of LOOPS loops of Python; load by other programs counts, since it will slow the steps too."""
     begin = perf_counter()
     for _ in range(LOOPS):
         pass

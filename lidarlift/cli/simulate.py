@@ -1,4 +1,4 @@
-"""`lidarlift simulate`: a drive or a walk through a scene that is made up, its truth known."""
+"""`lidarlift simulate`: a sequence in a synthetic scene, with exact ground truth."""
 
 from __future__ import annotations
 
@@ -18,58 +18,62 @@ from slam.simulation.drive_names import DRIVES
 
 
 class Format(StrEnum):
+    """Folder layout."""
+
     KITTI = "kitti"
     FOLDER = "folder"
 
 
 def simulate(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder to write.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the simulated data set.")],
     drive: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
             callback=one_of(DRIVES),
-            help=f"A built-in drive: {', '.join(DRIVES.names())}. Default: loop, which comes by the same places twice.",
+            help=f"A built-in scene: {', '.join(DRIVES.names())}. Default: loop, which revisits places.",
         ),
     ] = None,
     trajectory: Annotated[
-        Path | None, typer.Option(help="Drive along the poses of this file instead, KITTI or TUM format.")
+        Path | None, typer.Option(help="Follow the poses of this file instead, in KITTI or TUM format.")
     ] = None,
-    frames: Annotated[int | None, typer.Option(min=1, help="Only so many, from the start of the drive.")] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Number of frames. Default: the whole sequence.")] = None,
     sensor: Annotated[
         str,
         typer.Option(metavar="NAME", callback=one_of(SENSORS), help=f"The LiDAR: {', '.join(SENSORS.names())}."),
     ] = "hdl64",
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Turns of the LiDAR a second, and frames.")] = 10.0,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Rotation rate of the LiDAR, and frame rate.")] = 10.0,
     height: Annotated[
         float | None,
-        typer.Option(metavar="M", help="Of the LiDAR above the ground. Default: 1.73 on a car."),
+        typer.Option(metavar="M", help="Height of the LiDAR above the ground. Default: 1.73 on a car."),
     ] = None,
     tilt: Annotated[
-        float, typer.Option(metavar="DEG", help="Of the LiDAR, positive with its nose down; the camera stays level.")
+        float, typer.Option(metavar="DEG", help="Pitch of the LiDAR, positive downwards; the camera stays level.")
     ] = 0.0,
-    spacing: Annotated[float | None, typer.Option(help="Metres between frames. Default: ten frames a second.")] = None,
+    spacing: Annotated[
+        float | None, typer.Option(metavar="M", help="Distance between frames. Default: from --rate and the speed.")
+    ] = None,
     distort: Annotated[
-        bool, typer.Option("--distort", help="The car moves during a sweep, as a real one does; `run` deskews.")
+        bool, typer.Option("--distort", help="Add motion distortion: the sensor moves during a sweep; `run` deskews.")
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of town, traffic and noise: the same seed, the same files.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed of scene, traffic and noise.")] = 0,
     with_depth: Annotated[
-        bool, typer.Option("--with-depth", help="Also the exact depth of each image and the exact 64-channel scan.")
+        bool, typer.Option("--with-depth", help="Write the exact depth of each image and an exact 64-channel scan too.")
     ] = False,
     format: Annotated[
         Format,
-        typer.Option(help="kitti: KITTI odometry's; folder: .pcd scans, their points with ring and time."),
+        typer.Option(help="kitti: layout of KITTI odometry; folder: .pcd scans with ring and time of each point."),
     ] = Format.KITTI,
     stamp: Annotated[
-        Stamp, typer.Option(help="The instant of a sweep that its stamp and true pose are of, in a folder.")
+        Stamp, typer.Option(help="Instant of a sweep to which its stamp and true pose refer, for --format folder.")
     ] = Stamp.MIDDLE,
 ) -> None:
-    """Simulate a drive or a walk: scans, images, calibration and the true poses. An interrupted one is resumed.
+    """Simulate a sequence: scans, images, calibration and true poses. An interrupted simulation is resumed.
 
     Example: `lidarlift simulate town --drive loop --frames 200`
     """
     if drive and trajectory:
-        raise typer.BadParameter("is a drive of its own; leave --drive out", param_hint="--trajectory")
+        raise typer.BadParameter("replaces the built-in scene; leave --drive out", param_hint="--trajectory")
     from slam.simulation.simulation import Simulation, SimulationConfig
 
     require_writable(folder)

@@ -1,4 +1,4 @@
-"""`lidarlift study`: the paper's two studies, on any drive with a camera."""
+"""`lidarlift study`: the paper's two studies, on any sequence with a camera."""
 
 from __future__ import annotations
 
@@ -17,18 +17,20 @@ if TYPE_CHECKING:
     from enrichment.studies.figures import F, Figures
     from lidarlift.studies import StudyReport
 
-FRAMES = 20  # spread evenly over the drive, unless --frames says otherwise
+FRAMES = 20  # default number of frames, evenly spaced
 
 study = typer.Typer(
     no_args_is_help=True,
-    help="""What depth images are like: how few frequencies they need, and what image edges say of them.
+    help="""Study depth images: how sparse they are in frequency, and how image edges predict their discontinuities.
 
     Example: `lidarlift study sparsity 2011_09_26/2011_09_26_drive_0005_sync`
     """,
 )
-Drive = Annotated[Path, typer.Argument(help="A drive with a camera; of a simulated one the exact depth is used too.")]
-Frames = Annotated[str | None, typer.Option(help=f"FROM:TO or FROM:TO:STEP. Default: {FRAMES} over the whole drive.")]
-Out = Annotated[Path, typer.Option(help="The folder for figures and picture.")]
+Drive = Annotated[
+    Path, typer.Argument(help="A sequence with a camera; the exact depth of a simulated one is studied too.")
+]
+Frames = Annotated[str | None, typer.Option(help=f"FROM:TO or FROM:TO:STEP. Default: {FRAMES} frames, evenly spaced.")]
+Out = Annotated[Path, typer.Option(help="Folder for the results and the figure.")]
 
 #: Column title, attribute of the figures, factor, decimals.
 Columns = tuple[tuple[str, str, float, int], ...]
@@ -53,7 +55,7 @@ EDGES: Columns = (
 def sparsity(
     dataset: Drive, sequence: SequenceOption = None, frames: Frames = None, out: Out = Path("runs/study-sparsity")
 ) -> None:
-    """How much of a depth image few coefficients of its cosine transform keep, above all of its discontinuities.
+    """Measure what few coefficients of the cosine transform preserve of a depth image and of its discontinuities.
 
     Example: `lidarlift study sparsity kitti/sequences/04 --frames ::5 --out runs/sparsity-04`
     """
@@ -68,7 +70,7 @@ def sparsity(
 def edges(
     dataset: Drive, sequence: SequenceOption = None, frames: Frames = None, out: Out = Path("runs/study-edges")
 ) -> None:
-    """How many edges of the image lie on depth discontinuities, and how many discontinuities have an edge.
+    """Measure how many image edges lie on depth discontinuities, and how many discontinuities have an image edge.
 
     Example: `lidarlift study edges kitti/sequences/04 --frames ::5 --out runs/edges-04`
     """
@@ -87,21 +89,21 @@ def _studied(
     study: Callable[[DepthImage], Figures[F]],
     protocol: Mapping[str, str],
 ) -> StudyReport[F]:
-    from lidarlift.studies import study_drive
+    from lidarlift.studies import study_sequence
     from slam.data.dataset import chosen_positions, open_dataset
 
     require_writable(out)
     data = open_dataset(dataset, sequence)
     chosen = frame_slice(frames) if frames else slice(None, None, -(-len(data) // FRAMES))
     with progress(data.name, len(chosen_positions(data, chosen))) as advance:
-        report = study_drive(data, study, protocol, chosen, advance)
+        report = study_sequence(data, study, protocol, chosen, advance)
     for fault in report.left_out:
         messages.print(f"Note: left out: {fault}", style="yellow", markup=False)
     return report
 
 
 def _write(report: StudyReport[F], first: str, columns: Columns, out: Path, draw: Callable[..., None]) -> None:
-    """study.json, study.png and the tables."""
+    """Write study.json and study.png, and print the tables."""
     from eval.evaluation import write_json
     from eval.text import number, protocol_text, text_table
 
@@ -123,5 +125,5 @@ def _write(report: StudyReport[F], first: str, columns: Columns, out: Path, draw
 
 
 def _amount(value: float) -> str:
-    """0.25 as 1/4; thresholds as they are."""
+    """Format 0.25 as 1/4, and thresholds unchanged."""
     return f"1/{round(1 / value)}" if value < 1 else f"{value:g}"

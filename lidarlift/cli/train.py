@@ -1,4 +1,4 @@
-"""`lidarlift train`: Lift, or a network for depth images, learns from drives."""
+"""`lidarlift train`: train Lift, or a depth completion network, on recorded sequences."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from lidarlift.training import (
     depth_task,
     is_first_process,
     lift_task,
-    packs_of,
-    prepared,
+    open_packs,
+    prepare,
     require_torch,
     shipped_weights,
 )
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 
 class Device(StrEnum):
+    """Processors that train."""
+
     AUTO = "auto"
     CPU = "cpu"
     GPU = "gpu"
@@ -46,37 +48,37 @@ class Device(StrEnum):
 
 train = typer.Typer(
     no_args_is_help=True,
-    help="""Train a network on drives: it sees some rings of a scan, and the returns of the others are the answers.
+    help="""Train a network on sequences: its input is some rings of a scan, its target the returns of the other rings.
 
     Example: `lidarlift train lift my_drive --self-supervised`
 
-    The best weights come as ONNX and safetensors, with a model card. Training needs the extra: `pip install
-    'lidarlift[train]'`.
+    The best weights are written as ONNX and safetensors, with a model card. Training requires the extra `train`:
+    `pip install 'lidarlift[train]'`.
     """,
 )
-Out = Annotated[Path | None, typer.Option(help="The folder for weights and logs. Default: runs/train-MODEL.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Go on where --out was broken off.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for weights and logs. Default: runs/train-MODEL.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Continue the interrupted training in --out.")]
 Start = Annotated[
-    Path | None, typer.Option(help="The .safetensors of this network to start from, instead of random weights.")
+    Path | None, typer.Option(help="A .safetensors file of this network with initial weights. Default: random weights.")
 ]
-DeviceOption = Annotated[Device, typer.Option(help="gpu takes all that there are.")]
-Epochs = Annotated[int | None, typer.Option(min=1, help=f"Times through all frames. Default: {EPOCHS}.")]
-Steps = Annotated[int | None, typer.Option(min=1, help="Instead: so many steps.")]
-Batch = Annotated[int, typer.Option(min=1, help="Examples a step (on each GPU).")]
-Seed = Annotated[int, typer.Option(min=0, help="Of the first weights, the examples and dropout.")]
-Rate = Annotated[float | None, typer.Option(min=0, help="Highest learning rate. Default: the network's own.")]
-Bf16 = Annotated[bool, typer.Option("--bf16", help="Half precision: faster where the processor has it.")]
+DeviceOption = Annotated[Device, typer.Option(help="auto: GPUs if there are any; gpu: all GPUs; cpu.")]
+Epochs = Annotated[int | None, typer.Option(min=1, help=f"Number of epochs. Default: {EPOCHS}.")]
+Steps = Annotated[int | None, typer.Option(min=1, help="Number of steps, instead of --epochs.")]
+Batch = Annotated[int, typer.Option(min=1, help="Examples per step, on each GPU.")]
+Seed = Annotated[int, typer.Option(min=0, help="Random seed of initial weights, examples and dropout.")]
+Rate = Annotated[float | None, typer.Option(min=0, help="Maximum learning rate. Default: the network's own.")]
+Bf16 = Annotated[bool, typer.Option("--bf16", help="Train in bfloat16: faster if the processor supports it.")]
 
 
 @train.command()
 def lift(
-    datasets: Annotated[list[Path], typer.Argument(metavar="DATASET...", help="Drives whose scans have rings.")],
+    datasets: Annotated[list[Path], typer.Argument(metavar="DATASET...", help="Sequences with ring indices.")],
     validate: Annotated[
-        list[Path] | None, typer.Option(help="A drive to validate on; may be given several times.")
+        list[Path] | None, typer.Option(help="A sequence to validate on; may be given several times.")
     ] = None,
     self_supervised: Annotated[
         bool,
-        typer.Option("--self-supervised", help="Adapt the shipped weights to your LiDAR by its own rings alone."),
+        typer.Option("--self-supervised", help="Fine-tune the shipped weights on your LiDAR's own rings."),
     ] = False,
     out: Out = None,
     resume: Resume = False,
@@ -89,11 +91,11 @@ def lift(
     rate: Rate = None,
     bf16: Bf16 = False,
 ) -> None:
-    """Train Lift, or adapt it to your LiDAR without any ground truth.
+    """Train Lift, or fine-tune it to your LiDAR without ground truth.
 
     Example: `lidarlift train lift my_drive other_drive --validate third --epochs 10`
 
-    A drive is read as it was recorded; a camera and poses help where it has them.
+    Images and poses are used if the sequence has them.
     """
     folder = out or _folder(LIFT)
     options = TrainingOptions(folder, resume, start, device.value, epochs, steps, batch, seed, rate, bf16)
@@ -106,23 +108,25 @@ def lift(
 
 @train.command()
 def depth(
-    model: Annotated[str, typer.Argument(help=f"{', '.join(NETWORKS.names())}.")],
-    datasets: Annotated[list[Path], typer.Argument(metavar="DATASET...", help="Drives with a camera, or packs.")],
+    model: Annotated[str, typer.Argument(help=f"The network: {', '.join(NETWORKS.names())}.")],
+    datasets: Annotated[list[Path], typer.Argument(metavar="DATASET...", help="Sequences with a camera, or packs.")],
     validate: Annotated[
-        list[Path] | None, typer.Option(help="A drive or pack to validate on; may be given several times.")
+        list[Path] | None, typer.Option(help="A sequence or pack to validate on; may be given several times.")
     ] = None,
     poses: Annotated[
         list[Path] | None,
-        typer.Option(help="LiDAR poses of a drive's scans, from a run. One for each drive, in their order."),
+        typer.Option(help="A file of LiDAR poses from a run, one for each sequence, in the same order."),
     ] = None,
     pack: Annotated[
-        Path | None, typer.Option(help="The file to pack the drives into. Default: train.npz in --out.")
+        Path | None, typer.Option(help="The file that the sequences are packed into. Default: train.npz in --out.")
     ] = None,
-    crop: Annotated[str, typer.Option(help="Height and width of an example, at --scale.")] = "160x304",
-    scale: Annotated[float, typer.Option(min=0.1, max=1.0, help="Of the images.")] = 0.5,
+    crop: Annotated[str, typer.Option(help="HEIGHTxWIDTH of a training example, at --scale.")] = "160x304",
+    scale: Annotated[float, typer.Option(min=0.1, max=1.0, help="Scale of the images.")] = 0.5,
     absolute: Annotated[
         float | None,
-        typer.Option(min=0, help="Weight of the absolute error against the squared one. Default: the paper's, 0.0002."),
+        typer.Option(
+            min=0, help="Weight of the absolute error relative to the squared one. Default: the paper's, 0.0002."
+        ),
     ] = None,
     out: Out = None,
     resume: Resume = False,
@@ -135,13 +139,13 @@ def depth(
     rate: Rate = None,
     bf16: Bf16 = False,
 ) -> None:
-    """Train one of the paper's networks, which complete depth images.
+    """Train one of the paper's depth completion networks.
 
     Example: `lidarlift train depth f2l-light drives/0005 drives/0013 --validate drives/0009 --epochs 10`
 
-    Targets are completed by neighbouring scans where poses are known (ground truth or --poses); a drive simulated
-    --with-depth gives exact ones, KITTI's stereo 2015 its disparity. Drives are packed once, into a file that serves as
-    a data set too.
+    Neighbouring scans densify the targets if poses are known (ground truth or --poses). A sequence that was simulated
+    --with-depth has exact targets, KITTI's stereo 2015 has its disparity. Sequences are packed once; the pack can be
+    given as a data set later.
     """
     NETWORKS.require(model)
     size = _size(crop)
@@ -150,8 +154,8 @@ def depth(
     _require(options)
     from enrichment.networks.loss import LAMBDA
 
-    packs = packs_of(datasets, poses or [], pack or folder / "train.npz", scale, progress)
-    held_out = packs_of(validate or [], [], folder / "validation.npz", scale, progress, neighbours=0)
+    packs = open_packs(datasets, poses or [], pack or folder / "train.npz", scale, progress)
+    held_out = open_packs(validate or [], [], folder / "validation.npz", scale, progress, neighbours=0)
     task = depth_task(packs, held_out, size)
     weight = LAMBDA if absolute is None else absolute
     plan = options.plan(model, sum(len(pack) for pack in packs), crop=size, absolute=weight)
@@ -163,9 +167,9 @@ def _folder(model: str) -> Path:
 
 
 def _require(options: TrainingOptions) -> None:
-    """Raise what is wrong with the options before any work begins."""
+    """Check the options before any work begins."""
     if options.epochs and options.steps:
-        raise typer.BadParameter("is another way to say how long; leave --epochs out", param_hint="--steps")
+        raise typer.BadParameter("replaces --epochs; leave one of the two out", param_hint="--steps")
     require_writable(options.out)
     require_torch()
     options.require_folder()
@@ -176,7 +180,7 @@ def _train(plan: Plan, task: Task, options: TrainingOptions) -> None:
     from enrichment.training.results import write_results
 
     with _bar(plan.model, plan.steps) as (begin, on_step):
-        training = prepared(plan, task, options, on_step)
+        training = prepare(plan, task, options, on_step)
         begin(training.step)
         train(training, options.device)
     if is_first_process():
@@ -186,20 +190,20 @@ def _train(plan: Plan, task: Task, options: TrainingOptions) -> None:
 
 
 def _command() -> str:
-    """As it was typed, but of paths the last names alone: what folders are called here is nobody's business."""
+    """The command as typed, with paths reduced to their last names: a model card must not reveal private folders."""
     return shlex.join(["lidarlift", *(Path(word).name if os.sep in word else word for word in sys.argv[1:])])
 
 
 def _summary(plan: Plan, best: Figures | None) -> str:
     if best is None:
-        return f"{plan.model}: {plan.steps} steps, not validated; its last weights are kept"
+        return f"{plan.model}: {plan.steps} steps, not validated; the last weights are kept"
     figures = f"MAE {1000 * best.mae:.0f} mm, RMSE {1000 * best.rmse:.0f} mm"
-    return f"{plan.model}: {plan.steps} steps, validated best after {best.step}: {figures}"
+    return f"{plan.model}: {plan.steps} steps, best validation after {best.step}: {figures}"
 
 
 @contextmanager
 def _bar(title: str, steps: int) -> Iterator[tuple[Callable[[int], None], Callable[[float], None]]]:
-    """A bar of `steps`; what it yields is called once with those that were taken before, and with each step's loss."""
+    """A progress bar of `steps`: yields a function for the steps taken before, and one for each step's loss."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     loss = TextColumn("steps, loss {task.fields[loss]} m²")

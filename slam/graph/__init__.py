@@ -1,1 +1,1 @@
-"""The pose graph: odometry and loops as edges, which of the loops are true, and the poses that fit them."""
+"""The pose graph: odometry and loop edges, rejection of false loops, and optimised poses."""

@@ -1,4 +1,4 @@
-"""Loops that say the same: near each other along both passes, and in agreement through the odometry between them."""
+"""Clusters of consistent loops: close to each other along both passes, and in agreement through the odometry."""
 
 from __future__ import annotations
 
@@ -9,19 +9,26 @@ import numpy as np
 from slam.data import se3
 from slam.graph.pose_graph import Edge, chained, reversed_edge
 
-CLUSTER_REACH = 10  # poses between two loops of a cluster, at most, along either pass
+CLUSTER_RADIUS = 10  # maximum number of poses between two loops of a cluster, along either pass
 QUANTILES = {0.5: 5.348, 0.9999: 27.86}  # of chi^2(6)
-FEWEST_PAIRS = 20  # neighbours that it takes to judge the noise
-MARGIN = 10.0  # how many times smaller than seen among neighbours the noise is never taken to be
+MIN_PAIRS = 20  # neighbouring loops needed to estimate the noise
+MARGIN = 10.0  # factor on the observed standard deviation, since neighbouring loops share errors
 
 
 class LoopClusters:
-    """Which loops agree. `odometry[k]` joins pose k to k + 1.
+    """Clusters of loops that agree.
 
-    `threshold` is the squared Mahalanobis distance beyond which a measurement contradicts another: the 99.99 % quantile
-    of chi^2(6). Many graphs state far too much noise (parking-garage 1 m where it is 1 cm); false loops would pass
-    then. How well neighbouring loops agree tells: the threshold shrinks with the median of their cycles, with a margin
-    of 10 standard deviations since neighbours share errors, and never grows.
+    Many graphs state far too large covariances (parking-garage 1 m instead of 1 cm), and false loops would pass. The
+    agreement of neighbouring loops shows the true noise: the threshold shrinks with the median of their cycle errors,
+    with a margin of 10 standard deviations since neighbours share errors, and it never grows.
+
+    Args:
+        loops: Loop edges.
+        odometry: Edge k joins pose k to k + 1.
+
+    Attributes:
+        threshold: Squared Mahalanobis distance beyond which two measurements contradict each other: the 99.99 %
+            quantile of chi^2(6), scaled by the observed noise.
     """
 
     def __init__(self, loops: Sequence[Edge], odometry: Sequence[Edge]) -> None:
@@ -31,12 +38,12 @@ class LoopClusters:
         self.threshold = QUANTILES[0.9999] * self._noise_scale()
 
     def groups(self) -> list[list[int]]:
-        """Indices of the loops, each group around its first: within reach of it, and in agreement with it."""
+        """Group the indices of the loops: all members are near the first one of their group, and agree with it."""
         groups = []
         waiting = np.array(sorted(range(len(self._loops)), key=lambda n: (*self._ends[n], n)), dtype=int)
         while len(waiting):
             first, rest = int(waiting[0]), waiting[1:]
-            near = np.abs(self._ends[rest] - self._ends[first]).max(axis=1) <= CLUSTER_REACH
+            near = np.abs(self._ends[rest] - self._ends[first]).max(axis=1) <= CLUSTER_RADIUS
             joins = near.copy()
             joins[near] = [self._disagreement(first, int(n)) < self.threshold for n in rest[near]]
             groups.append([first, *(int(n) for n in rest[joins])])
@@ -44,24 +51,24 @@ class LoopClusters:
         return groups
 
     def _noise_scale(self) -> float:
-        """Variance of the errors by the stated one, from above and at most 1."""
+        """Upper bound of the ratio of the observed to the stated variance, at most 1."""
         found = [
             self._disagreement(n, other) for n in range(len(self._loops)) if (other := self._nearest(n)) is not None
         ]
         agreeing = [value for value in found if value < QUANTILES[0.9999]]
-        if len(agreeing) < FEWEST_PAIRS:
+        if len(agreeing) < MIN_PAIRS:
             return 1.0
         return min(1.0, MARGIN**2 * float(np.median(agreeing)) / QUANTILES[0.5])
 
     def _nearest(self, n: int) -> int | None:
-        """The loop whose ends are nearest to those of loop n, where one is within reach."""
+        """The loop with the ends nearest to those of loop n, if one is within CLUSTER_RADIUS."""
         apart = np.abs(self._ends - self._ends[n]).max(axis=1)
-        apart[n] = CLUSTER_REACH + 1
+        apart[n] = CLUSTER_RADIUS + 1
         nearest = int(apart.argmin())
-        return nearest if apart[nearest] <= CLUSTER_REACH else None
+        return nearest if apart[nearest] <= CLUSTER_RADIUS else None
 
     def _disagreement(self, first: int, second: int) -> float:
-        """Squared Mahalanobis distance of the cycle that two loops close through the odometry."""
+        """Squared Mahalanobis distance of the cycle of two loops and the odometry between them."""
         one, other = self._loops[first], self._loops[second]
         path = [self._odometry_edge(other.i, one.i), one, self._odometry_edge(one.j, other.j)]
         through = chained([edge for edge in path if edge is not None])
@@ -69,7 +76,7 @@ class LoopClusters:
         return float(error @ np.linalg.solve(through.covariance + other.covariance, error))
 
     def _odometry_edge(self, a: int, b: int) -> Edge | None:
-        """T_a_b by the odometry; None where the two are one."""
+        """Odometry edge T_a_b; None if a = b."""
         if a == b:
             return None
         if (a, b) not in self._between:

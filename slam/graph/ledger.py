@@ -1,4 +1,4 @@
-"""The account of every loop that was thought of: what spoke for it, and what became of it."""
+"""Records of all loop candidates: evidence, decision and reason."""
 
 from __future__ import annotations
 
@@ -36,14 +36,16 @@ Status = Literal["accepted", "rejected"]
 
 @dataclass(frozen=True, eq=False)
 class LoopCandidate:
-    """Two poses that may be of one place.
+    """Two poses that may be at the same place.
 
-    i, j          poses, i the earlier one
-    pose          (4, 4) T_i_j: measured, or guessed where no registration has followed
-    distance      between the two descriptors; nan where nobody compared them
-    yaw           by the descriptors [rad]
-    inlier_ratio  of the registration, and
-    overlap       as RegistrationResult has them; nan where there was none
+    Attributes:
+        i: Index of the earlier pose.
+        j: Index of the later pose.
+        pose: (4, 4) T_i_j: registered, or the initial guess without a registration.
+        distance: Distance of the descriptors; NaN if they were not compared.
+        yaw: Yaw from the descriptors [rad].
+        inlier_ratio: Inlier ratio of the verification; NaN without a registration.
+        overlap: Overlap of the verification; NaN without a registration.
     """
 
     i: int
@@ -57,7 +59,7 @@ class LoopCandidate:
 
 @dataclass(frozen=True, eq=False)
 class LoopRecord:
-    """What became of a candidate: its weight in the graph, 0 to 1, and the reason in a few words."""
+    """Decision on a candidate: its weight in the graph, 0 to 1, and a short reason."""
 
     candidate: LoopCandidate
     weight: float
@@ -66,7 +68,7 @@ class LoopRecord:
 
 
 def csv_text(ledger: Iterable[LoopRecord], frames: Sequence[int] | None = None) -> str:
-    """The ledger as loops.csv has it; pose k is of frame `frames[k]`, or of frame k. What is not known stays empty."""
+    """Format the ledger as loops.csv; pose k is frame `frames[k]`, or frame k. Unknown values are left empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(FIELDS)

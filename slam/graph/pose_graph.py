@@ -1,4 +1,4 @@
-"""Poses tied by relative measurements: edges with covariances, chains of them, and the graph that loops leave over."""
+"""Pose graph: edges with covariances, chains of edges, and reduction to the poses of loops."""
 
 from __future__ import annotations
 
@@ -14,10 +14,17 @@ from slam.data.cloud import Array
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """A measured relative pose: `pose` (4, 4) is T_i_j, and the truth is pose @ exp(xi), xi ~ N(0, `covariance`).
+    """A measured relative pose; the true one is pose @ exp(xi), xi ~ N(0, covariance).
 
-    xi = (rotation [rad], translation [m]) in the axes of j; `covariance` (6, 6). Raises ValueError where a number is
-    not finite, `pose` is no rigid motion or `covariance` is not symmetric and positive definite.
+    Attributes:
+        i: Index of the first pose.
+        j: Index of the second pose.
+        pose: (4, 4) T_i_j.
+        covariance: (6, 6) of xi = (rotation [rad], translation [m]) in the axes of j.
+
+    Raises:
+        ValueError: A number is not finite, `pose` is not a rigid motion, or `covariance` is not symmetric and positive
+            definite.
     """
 
     i: int
@@ -41,7 +48,7 @@ class Edge:
 
 @dataclass(frozen=True, eq=False)
 class PoseGraph:
-    """`poses` (N, 4, 4) T_world_i, an estimate or a first guess, and the edges between them."""
+    """Poses (N, 4, 4) T_world_i, an estimate or an initial guess, and the edges between them."""
 
     poses: Array
     edges: tuple[Edge, ...]
@@ -49,15 +56,15 @@ class PoseGraph:
 
 def _check_pose(pose: Array, name: str) -> None:
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
-        raise ValueError(f"{name}: the pose has to be 4 x 4 and finite")
+        raise ValueError(f"{name}: the pose must be 4 x 4 and finite")
     R = pose[:3, :3]
     if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
-        raise ValueError(f"{name}: the pose is no rigid motion, its rotation is not orthonormal")
+        raise ValueError(f"{name}: the pose is not a rigid motion, its rotation is not orthonormal")
 
 
 def _check_covariance(covariance: Array, name: str) -> None:
     if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
-        raise ValueError(f"{name}: the covariance has to be 6 x 6 and finite")
+        raise ValueError(f"{name}: the covariance must be 6 x 6 and finite")
     if np.abs(covariance - covariance.T).max() > 1e-6 * np.abs(covariance).max():
         raise ValueError(f"{name}: the covariance is not symmetric")
     smallest = float(np.linalg.eigvalsh(covariance)[0])
@@ -66,29 +73,32 @@ def _check_covariance(covariance: Array, name: str) -> None:
 
 
 def reversed_edge(edge: Edge) -> Edge:
-    """The same measurement seen from j: T_j_i, its covariance in the axes of i."""
+    """Return the inverse measurement T_j_i, with the covariance in the axes of i."""
     Ad = adjoint(edge.pose)
     return Edge(edge.j, edge.i, se3.inverse(edge.pose), symmetric(Ad @ edge.covariance @ Ad.T))
 
 
 def chained(edges: Iterable[Edge]) -> Edge:
-    """One edge for a path of edges, each beginning where the one before ends; the errors add to first order.
+    """Compose a path of edges, each of which begins where the one before ends, into one edge.
 
-    T_i_k = T_i_j T_j_k, and what is uncertain in j is carried into k's axes by the adjoint of T_k_j (Barfoot, State
-    Estimation for Robotics, eq. 7.300, for perturbations on the right).
+    T_i_k = T_i_j T_j_k; the covariance in the axes of j is transformed to the axes of k by the adjoint of T_k_j, to
+    first order (Barfoot, State Estimation for Robotics, eq. 7.300, for perturbations on the right).
+
+    Raises:
+        ValueError: The edges are not a path.
     """
     first, *rest = edges
     pose, covariance, j = first.pose, first.covariance, first.j
     for edge in rest:
         if edge.i != j:
-            raise ValueError(f"edge {edge.i} -> {edge.j} does not begin at {j}, where the path has come to")
+            raise ValueError(f"edge {edge.i} -> {edge.j} does not begin at {j}, where the edge before ends")
         Ad = adjoint(se3.inverse(edge.pose))
         pose, covariance, j = pose @ edge.pose, symmetric(Ad @ covariance @ Ad.T + edge.covariance), edge.j
     return first if not rest else Edge(first.i, j, se3.normalized(pose), covariance)
 
 
 def adjoint(T: Array) -> Array:
-    """(6, 6) with T @ exp(xi) = exp(adjoint(T) @ xi) @ T, rotation first."""
+    """Return the adjoint (6, 6) of T (4, 4), T @ exp(xi) = exp(adjoint(T) @ xi) @ T, rotation first."""
     result = np.zeros((6, 6))
     result[:3, :3] = result[3:, 3:] = T[:3, :3]
     result[3:, :3] = se3.skew(T[:3, 3]) @ T[:3, :3]
@@ -96,12 +106,12 @@ def adjoint(T: Array) -> Array:
 
 
 def symmetric(matrix: Array) -> Array:
-    """The symmetric part: products of covariances lose their last digit of it."""
+    """Return the symmetric part of a matrix, since rounding makes products of covariances asymmetric."""
     return np.asarray((matrix + matrix.T) / 2)
 
 
 def odometry_poses(odometry: Sequence[Edge], start: Array) -> Array:
-    """Poses (len + 1, 4, 4) along a chain of edges, the first at `start` (4, 4)."""
+    """Return the poses (len + 1, 4, 4) along a chain of edges, the first at `start` (4, 4)."""
     poses = [start]
     for edge in odometry:
         poses.append(se3.normalized(poses[-1] @ edge.pose))
@@ -109,10 +119,16 @@ def odometry_poses(odometry: Sequence[Edge], start: Array) -> Array:
 
 
 def reduced(odometry: Sequence[Edge], loops: Iterable[Edge]) -> tuple[list[int], list[Edge], list[Edge]]:
-    """The poses that loops touch, the first and the last, rising; the odometry from one to the next, and the loops.
+    """Reduce a graph to the poses of its loops, the first and the last pose.
 
-    `odometry[k]` joins pose k to k + 1; the edges that come back count only the poses that are left. Without loops,
-    their graph has the same solution as the whole, and the same marginal covariances to first order.
+    The reduced graph has the same solution as the full one, and the same marginal covariances to first order.
+
+    Args:
+        odometry: Edge k joins pose k to k + 1.
+        loops: Loop edges.
+
+    Returns:
+        The kept poses, increasing; the odometry between them and the loops, both with indices of the kept poses.
     """
     loops = list(loops)
     kept = sorted({0, len(odometry)}.union(*((loop.i, loop.j) for loop in loops)))
@@ -123,9 +139,12 @@ def reduced(odometry: Sequence[Edge], loops: Iterable[Edge]) -> tuple[list[int],
 
 
 def disagreement(loop: Edge, poses: Array, covariance: Array | None = None) -> float:
-    """Squared Mahalanobis distance between a loop and poses (N, 4, 4).
+    """Compute the squared Mahalanobis distance between a loop and poses.
 
-    `covariance` (6, 6) of the relative pose in the axes of j, where the poses are uncertain themselves.
+    Args:
+        loop: The loop edge.
+        poses: (N, 4, 4).
+        covariance: (6, 6) covariance of the relative pose of `poses` in the axes of j, None if they are exact.
     """
     error = se3.log(se3.inverse(loop.pose) @ se3.inverse(poses[loop.i]) @ poses[loop.j])
     total = loop.covariance if covariance is None else loop.covariance + covariance

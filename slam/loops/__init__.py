@@ -1,1 +1,1 @@
-"""Loop closure: places seen before, recognised by their descriptors."""
+"""Loop closure: place recognition by descriptors, and verification by registration."""

@@ -1,4 +1,4 @@
-"""From a keyframe to the loop that it closes: places alike, and which of them is the same."""
+"""Search for the loops of a keyframe: candidates by descriptor, verified by registration."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slam.settings import LoopSettings
 
 
 class LoopSearch:
-    """Remembers the keyframes' places and looks for those that have been passed before. One per thread."""
+    """Stores the places of keyframes and searches for those passed before. Not thread-safe: use one per thread."""
 
     def __init__(self, settings: LoopSettings) -> None:
         self.settings = settings
@@ -26,15 +26,21 @@ class LoopSearch:
         return len(self._places)
 
     def next(self, keyframes: Sequence[Keyframe]) -> list[tuple[LoopCandidate, Verification]]:
-        """The candidates for the keyframe after the last that was looked for, most alike first, up to the first that is
-        verified. All keyframes within the verification's reach should be there."""
+        """Search the loops of the next keyframe, the one after the last that was searched.
+
+        Args:
+            keyframes: All keyframes so far; those in the submap of the next keyframe should be complete.
+
+        Returns:
+            The candidates with their verification, most similar first, up to the first that is accepted.
+        """
         query = len(self._places)
-        cloud, way = self._surroundings(keyframes, query), keyframes[query].way
-        candidates = self._places.query(cloud, way)[: self.settings.candidates]
-        self._places.add(cloud, way)
+        cloud, travelled = self._surroundings(keyframes, query), keyframes[query].travelled
+        candidates = self._places.query(cloud, travelled)[: self.settings.max_candidates]
+        self._places.add(cloud, travelled)
         found = []
         for candidate in candidates:
-            if candidate.distance > self.settings.max_distance:
+            if candidate.distance > self.settings.max_descriptor_distance:
                 break
             match = candidate.index
             guess = _guess(keyframes[match].pose, keyframes[query].pose, candidate)
@@ -49,19 +55,20 @@ class LoopSearch:
         return found
 
     def _surroundings(self, keyframes: Sequence[Keyframe], last: int) -> Array:
-        """The clouds of a keyframe and of those shortly before it, in its levelled frame."""
+        """The joined clouds of a keyframe and of those shortly before it, in its levelled frame."""
         length = self.settings.scan_context.submap_length
         near = [keyframes[last]]
         for position in range(last - 1, -1, -1):
             keyframe = keyframes[position]
-            if keyframe.way < near[0].way - length:
+            if keyframe.travelled < near[0].travelled - length:
                 break
             near.append(keyframe)
         near.reverse()
-        poses, way = np.array([keyframe.pose for keyframe in near]), np.array([keyframe.way for keyframe in near])
-        return levelled_submap([keyframe.cloud.xyz for keyframe in near], poses, way, length)
+        poses = np.array([keyframe.pose for keyframe in near])
+        travelled = np.array([keyframe.travelled for keyframe in near])
+        return levelled_submap([keyframe.cloud.xyz for keyframe in near], poses, travelled, length)
 
 
 def _guess(match: Array, query: Array, candidate: Candidate) -> Array:
-    """T_match_query (4, 4) of a candidate, from the odometry's poses of the two: descriptors are levelled."""
+    """Initial T_match_query (4, 4) of a candidate from both odometry poses, since descriptors are levelled."""
     return se3.inverse(match) @ levelled(match) @ candidate.relative_pose @ se3.inverse(levelled(query)) @ query

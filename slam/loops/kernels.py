@@ -1,5 +1,6 @@
-"""The loops behind scan context: descriptors of a cloud, and all column shifts of pairs of them. Nothing but @njit
-here, and all in one file: numba's cache does not see a change in another.
+"""Kernels of scan context: descriptors of a cloud, and distances of descriptors over all column shifts.
+
+This file holds @njit functions only, with all that they call: numba's cache does not see changes in other files.
 """
 
 import math
@@ -10,9 +11,18 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def describe(xyz, lateral, rings, sectors, max_range, sensor_height):
-    """Highest point above the ground of each cell, seen from roots `lateral` (L,) metres to the left of the sensor.
+    """Compute the maximum height above the ground in each cell of polar grids, one grid per lateral shift.
 
-    xyz (N, 3) -> (L, rings, sectors) float32 [m], 0 where a cell is empty; points that are not finite are left out.
+    Args:
+        xyz: Points (N, 3) in the sensor frame; non-finite points are ignored.
+        lateral: (L,) shifts of the grid's origin to the left of the sensor [m].
+        rings: Number of range bins.
+        sectors: Number of azimuth bins.
+        max_range: Range of the outermost bin [m].
+        sensor_height: Height of the sensor above the ground [m], added to z.
+
+    Returns:
+        (L, rings, sectors) float32 [m], 0 for empty cells.
     """
     heights = np.zeros((len(lateral), rings, sectors), np.float32)
     ring_scale, sector_scale = rings / max_range, sectors / (2 * math.pi)
@@ -26,7 +36,7 @@ def describe(xyz, lateral, rings, sectors, max_range, sensor_height):
             if not rho < max_range:
                 continue
             ring = min(int(rho * ring_scale), rings - 1)
-            # behind -x the angle is just below 0 or just above pi: wrapped, then rounded down
+            # near -x the angle is just above -pi or just below pi: wrap it, then round down
             sector = int((math.atan2(y, x) + 2 * math.pi) * sector_scale) % sectors
             if z > heights[root, ring, sector]:
                 heights[root, ring, sector] = z
@@ -35,13 +45,19 @@ def describe(xyz, lateral, rings, sectors, max_range, sensor_height):
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
 def align(columns, filled, stored_columns, stored_filled, rows):
-    """Scan context distance of every query to the stored descriptors in `rows` (M,), at the best column shift.
+    """Compute the scan context distance of each query to stored descriptors at the best column shift.
 
-    columns         (L, 2 S, R) float32, the queries' columns at unit length, all S of them twice in a row, so that each
-                    shift is one contiguous dot product;  filled (L, 2 S) float32: 1 where a column is not zero
-    stored_columns  (N, S, R) float32, unit length or zero;  stored_filled (N, S)
-    Returns distances (L, M) float32, 1 where no column pair is filled at any shift, and shifts (L, M) int64: column j
-    of the stored one fits column j + shift of the query; of equals the first.
+    Args:
+        columns: (L, 2 S, R) float32, unit columns of the queries. All S columns are repeated once, so that each shift
+            is one contiguous dot product.
+        filled: (L, 2 S) float32, 1 for columns that are not zero.
+        stored_columns: (N, S, R) float32, unit columns or zero.
+        stored_filled: (N, S) float32, 1 for columns that are not zero.
+        rows: (M,) stored descriptors to compare with.
+
+    Returns:
+        Distances (L, M) float32, 1 if no pair of columns is filled at any shift, and shifts (L, M) int64: column j of
+        the stored descriptor matches column j + shift of the query; the first of equal shifts.
     """
     queries, sectors = len(columns), stored_columns.shape[1]
     distances = np.ones((queries, len(rows)), np.float32)
@@ -53,7 +69,7 @@ def align(columns, filled, stored_columns, stored_filled, rows):
         for q in range(queries):
             flat = columns[q].reshape(2 * length)
             for shift in range(sectors):
-                # slices: an index that may be negative would keep the loops from being vectorised
+                # slices: possibly negative indices would prevent vectorisation of the loops
                 here, here_filled = flat[shift * width : shift * width + length], filled[q, shift : shift + sectors]
                 pairs, cosines = np.float32(0.0), np.float32(0.0)
                 for j in range(sectors):

@@ -1,9 +1,9 @@
-"""Scan context: places recognised by how high the surroundings reach around them.
+"""Scan context: place recognition by the height of the surroundings.
 
-A descriptor holds the highest point of each cell of a polar grid about the sensor: rings x sectors (Kim and Kim, "Scan
-Context", IROS 2018). A turn of the sensor shifts its columns, so a place is found again from any heading, and the shift
-tells the yaw. A pass on another lane is found through virtual sensors moved sideways (root-shift augmentation; Kim,
-Choi and Kim, "Scan Context++", T-RO 2021).
+A descriptor holds the maximum height in each cell of a polar grid around the sensor: rings x sectors (Kim and Kim,
+"Scan Context", IROS 2018). A yaw rotation of the sensor shifts its columns, so a place is recognised from any heading,
+and the shift gives the yaw. Passes on another lane are recognised by virtual sensors with a lateral shift (root-shift
+augmentation; Kim, Choi and Kim, "Scan Context++", T-RO 2021).
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ from slam.settings import ScanContextSettings
 
 @dataclass(frozen=True)
 class Candidate:
-    """A place that looks like the one asked about: nothing is verified yet.
+    """A place similar to the query, not yet verified.
 
-    index          number of the place, in the order in which they were added, from 0
-    distance       scan context distance, 0 (alike) to 1
-    yaw            [rad], -pi to pi: heading of the query in the candidate's frame, to half a sector
-    lateral_shift  [m] to the left of the query, where the candidate's path passes
+    Attributes:
+        index: Index of the place, in the order of insertion, from 0.
+        distance: Scan context distance, 0 (identical) to 1.
+        yaw: Heading of the query in the candidate's frame [rad], -pi to pi, to half a sector.
+        lateral_shift: Offset of the candidate's path to the left of the query [m].
     """
 
     index: int
@@ -38,7 +39,7 @@ class Candidate:
 
     @property
     def relative_pose(self) -> Array:
-        """T_candidate_query (4, 4), a first guess from yaw and lateral shift; along the way it can be metres off."""
+        """Initial T_candidate_query (4, 4) from yaw and lateral shift; it may be metres off along the path."""
         cos, sin = np.cos(self.yaw), np.sin(self.yaw)
         T = np.eye(4)
         T[:2, :2] = [[cos, -sin], [sin, cos]]
@@ -48,34 +49,45 @@ class Candidate:
 
 DEFAULT = ScanContextSettings()
 
-RENEWAL = 100  # places added until the tree is built anew; up to then they are looked through one by one
+REBUILD_AFTER = 100  # places added before the k-d tree is rebuilt; until then the new ones are searched linearly
 
 
 def descriptor(xyz: Array, settings: ScanContextSettings = DEFAULT) -> Array:
-    """Points (N, 3) in the sensor's frame, z up -> (rings, sectors) float32: height above the ground [m], 0 = empty."""
+    """Compute the descriptor (rings, sectors) float32 of points (N, 3) in the sensor frame, z up.
+
+    Each cell holds the maximum height above the ground [m], 0 if it is empty.
+    """
     return _descriptors(xyz, (0.0,), settings)[0]
 
 
 def ring_key(descriptor: Array) -> Array:
-    """Means of the rings, (..., rings, sectors) -> (..., rings): the same whatever the yaw."""
+    """Compute the mean of each ring, (..., rings, sectors) -> (..., rings); it is invariant to yaw."""
     return np.asarray(descriptor.mean(axis=-1))
 
 
 def distance(a: Array, b: Array) -> tuple[float, float]:
-    """How unlike two descriptors are, 0 to 1, and the yaw [rad] of a in b's frame at which they are most alike.
+    """Compute the distance of two descriptors, 0 to 1, and the yaw [rad] of a in b's frame at the minimum.
 
-    1 - mean cosine of the columns that are not empty in both, the least over all column shifts (eq. 6 and 7 of the
-    paper); 1 where there are no such columns.
+    The distance is 1 - mean cosine over the columns that are filled in both, minimised over all column shifts (eq. 6
+    and 7 of the paper); 1 if there are no such columns.
     """
     distances, shifts = kernels.align(*_twice(a[None]), *_columns(b[None]), np.zeros(1, np.int64))
     return float(distances[0, 0]), float(_yaw(shifts[0, 0], a.shape[1]))
 
 
 def levelled_submap(clouds: Sequence[Array], poses: Array, travelled: Array, length: float) -> Array:
-    """One cloud (N, 3) float32 of the last keyframe and those at most `length` [m] of way before it.
+    """Join the clouds of the last keyframe and of those up to `length` before it.
 
-    clouds  (Nk, 3) float32, each in its keyframe's frame;  poses  (K, 4, 4) T_world_lidar;  travelled  (K,) [m]
-    It stands in the last keyframe's `levelled` frame: what a tilt lifts ahead, it would lower on the way back.
+    The submap is levelled because a tilt raises points ahead and would lower the same points on the way back.
+
+    Args:
+        clouds: Points (Nk, 3) float32 of each keyframe, in its own frame.
+        poses: (K, 4, 4) T_world_lidar of the keyframes.
+        travelled: (K,) travelled distance [m] of the keyframes.
+        length: Travelled distance [m] covered by the submap.
+
+    Returns:
+        Points (N, 3) float32 in the `levelled` frame of the last keyframe.
     """
     first = int(np.searchsorted(travelled, travelled[-1] - length))
     T_level_lidar = (se3.inverse(levelled(poses[-1])) @ poses[first:]).astype(np.float32)
@@ -83,7 +95,7 @@ def levelled_submap(clouds: Sequence[Array], poses: Array, travelled: Array, len
 
 
 def levelled(pose: Array) -> Array:
-    """The pose (4, 4) with its position and heading, without roll and pitch: the frame of `submap`."""
+    """Remove roll and pitch from a pose (4, 4), keeping position and heading."""
     yaw = np.arctan2(pose[1, 0], pose[0, 0])
     result = se3.exp(np.array([0.0, 0.0, yaw, 0.0, 0.0, 0.0]))
     result[:3, 3] = pose[:3, 3]
@@ -91,13 +103,18 @@ def levelled(pose: Array) -> Array:
 
 
 class ScanContext:
-    """The places passed so far. `query` before `add`, keyframe by keyframe, with the same cloud:
+    """Database of the places passed so far.
 
-    >>> places = ScanContext()
-    >>> loops = places.query(xyz, travelled)  # most alike first
-    >>> places.add(xyz, travelled)  # 0, 1, 2 ...: the index that later candidates carry
+    For each keyframe call `query` before `add`, with the same cloud and the travelled distance [m] since the start,
+    which must not decrease.
 
-    `travelled` [m] is the way from the start to the keyframe; it never falls.
+    Example:
+        >>> places = ScanContext()
+        >>> wall = np.array([[10.0, 0.0, 1.0], [0.0, 20.0, 3.0]], np.float32)
+        >>> places.query(wall, 0.0), places.add(wall, 0.0)
+        ([], 0)
+        >>> places.query(wall, 150.0)[0].index
+        0
     """
 
     def __init__(self, settings: ScanContextSettings = DEFAULT) -> None:
@@ -113,9 +130,15 @@ class ScanContext:
         return self._count
 
     def add(self, xyz: Array, travelled: float) -> int:
-        """Remember the place of a cloud (N, 3); its index. Raises ValueError where `travelled` is below the last."""
+        """Add the place of a cloud (N, 3) and return its index.
+
+        Raises:
+            ValueError: `travelled` is smaller than that of the last place.
+        """
         if self._count and travelled < self._travelled[self._count - 1]:
-            raise ValueError(f"travelled: {travelled} m after {self._travelled[self._count - 1]} m; it never falls")
+            raise ValueError(
+                f"travelled: {travelled} m after {self._travelled[self._count - 1]} m; it must not decrease"
+            )
         if self._count == len(self._travelled):
             for name in ("_travelled", "_keys", "_columns", "_filled"):
                 values = getattr(self, name)
@@ -127,13 +150,19 @@ class ScanContext:
         return row
 
     def query(self, xyz: Array, travelled: float, exhaustive: bool = False) -> list[Candidate]:
-        """Places like that of the cloud (N, 3), at least `min_travelled` before `travelled` [m]; most alike first.
+        """Search places similar to that of a cloud, passed at least `min_travelled_distance` before.
 
-        `exhaustive` compares all of them at all shifts instead of those with the nearest ring keys: the reference.
-        Of the shifts of one place only the best is kept; equals come in the order in which they were added.
+        Args:
+            xyz: Points (N, 3) in the levelled frame of the query.
+            travelled: Travelled distance [m] of the query.
+            exhaustive: Compare all places at all shifts instead of those with the nearest ring keys, as a reference.
+
+        Returns:
+            Candidates, most similar first, each at its best shift; equal ones in the order of insertion.
         """
         contexts = _descriptors(xyz, self.settings.lateral_shifts, self.settings)
-        end = int(np.searchsorted(self._travelled[: self._count], travelled - self.settings.min_travelled, "right"))
+        limit = travelled - self.settings.min_travelled_distance
+        end = int(np.searchsorted(self._travelled[: self._count], limit, "right"))
         rows = np.arange(end) if exhaustive else self._preselect(ring_key(contexts), end)
         distances, shifts = kernels.align(*_twice(contexts), self._columns, self._filled, rows)
         if len(rows) == 0:
@@ -148,29 +177,29 @@ class ScanContext:
         ]
 
     def _preselect(self, keys: Array, end: int) -> Array:
-        """Rows of the places before `end` whose ring keys are nearest to one of `keys` (L, rings), nearest first."""
-        if not 0 <= end - self._tree.n < RENEWAL:
+        """Rows of the places before `end` with the ring keys nearest to any of `keys` (L, rings), nearest first."""
+        if not 0 <= end - self._tree.n < REBUILD_AFTER:
             self._tree = cKDTree(self._keys[:end])
-        planted, after = self._tree.n, np.arange(self._tree.n, end)
+        in_tree, after = self._tree.n, np.arange(self._tree.n, end)
         near, rows = [cdist(keys, self._keys[after])], [np.broadcast_to(after, (len(keys), len(after)))]
-        if planted:
-            found = self._tree.query(keys, k=range(1, min(self.settings.preselected, planted) + 1))
+        if in_tree:
+            found = self._tree.query(keys, k=range(1, min(self.settings.max_preselected, in_tree) + 1))
             near, rows = [*near, found[0]], [*rows, found[1]]
         merged = np.hstack(rows).ravel()
         merged = merged[np.lexsort((merged, np.hstack(near).ravel()))]
-        first = np.sort(np.unique(merged, return_index=True)[1])  # of each place, the nearest key
-        return np.asarray(merged[first[: self.settings.preselected]])
+        first = np.sort(np.unique(merged, return_index=True)[1])  # the nearest key of each place
+        return np.asarray(merged[first[: self.settings.max_preselected]])
 
 
 def _descriptors(xyz: Array, lateral_shifts: Sequence[float], settings: ScanContextSettings) -> Array:
-    """(L, rings, sectors), one a virtual sensor `lateral_shifts` [m] to the left."""
+    """Descriptors (L, rings, sectors), one per virtual sensor, `lateral_shifts` [m] to the left."""
     size = (settings.rings, settings.sectors, settings.max_range, settings.sensor_height)
     xyz = np.ascontiguousarray(xyz, np.float32)
     return np.asarray(kernels.describe(xyz, np.array(lateral_shifts, np.float64), *size))
 
 
 def _columns(contexts: Array) -> tuple[Array, Array]:
-    """(L, rings, sectors) -> columns at unit length (L, sectors, rings) and whether they are filled (L, sectors)."""
+    """Unit columns (L, sectors, rings) of descriptors (L, rings, sectors), and whether they are filled (L, sectors)."""
     columns = np.swapaxes(contexts, 1, 2)
     norms = np.linalg.norm(columns, axis=2, keepdims=True)
     filled = (norms > 0).astype(np.float32)
@@ -178,11 +207,11 @@ def _columns(contexts: Array) -> tuple[Array, Array]:
 
 
 def _twice(contexts: Array) -> tuple[Array, Array]:
-    """`_columns`, all of them twice in a row, as `kernels.align` takes queries."""
+    """`_columns` with all columns repeated once, the format of queries in `kernels.align`."""
     columns, filled = _columns(contexts)
     return np.concatenate([columns, columns], axis=1), np.concatenate([filled, filled], axis=1)
 
 
 def _yaw(shift: Array, sectors: int) -> Array:
-    """Column shift, 0 to sectors - 1 -> [rad], -pi to pi: a turn to the left lowers the columns' numbers."""
+    """Yaw [rad], -pi to pi, of a column shift, 0 to sectors - 1: a turn to the left decreases the column index."""
     return np.asarray((-shift * 2 * np.pi / sectors + np.pi) % (2 * np.pi) - np.pi)

@@ -1,4 +1,4 @@
-"""The surroundings of a keyframe: its cloud and those of its neighbours on the way."""
+"""Submap of a keyframe: its cloud and those of the neighbouring keyframes."""
 
 from __future__ import annotations
 
@@ -11,29 +11,35 @@ from slam.data.cloud import Array
 from slam.mapping.keyframes import Keyframe
 
 
-def submap(keyframes: Sequence[Keyframe], centre: int, reach: float, max_points: int) -> Array:
-    """Points (N, 3) float32 of the keyframe at position `centre` and of those up to `reach` [m] of way from it.
+def submap(keyframes: Sequence[Keyframe], centre: int, radius: float, max_points: int) -> Array:
+    """Join the clouds of keyframes around a centre, by their odometry poses: drift is negligible over this distance.
 
-    They stand in the centre's frame, each keyframe placed by its own odometry pose: over so short a way it does not
-    drift. Of a cloud with more than `max_points`, every second, third ... point is taken.
+    Args:
+        keyframes: All keyframes.
+        centre: Position of the central keyframe.
+        radius: Travelled distance [m] before and after the centre.
+        max_points: Maximum number of points per keyframe; larger clouds are reduced to every second, third ... point.
+
+    Returns:
+        Points (N, 3) float32 in the frame of the central keyframe.
     """
     here = keyframes[centre]
     T_here_world = se3.inverse(here.pose)
     clouds = []
-    for keyframe in [here, *_neighbours(keyframes, centre, here.way, reach)]:
+    for keyframe in [here, *_neighbours(keyframes, centre, here.travelled, radius)]:
         T = (T_here_world @ keyframe.pose).astype(np.float32)
         xyz = keyframe.cloud.xyz[:: len(keyframe.cloud) // max_points + 1]
         clouds.append(xyz @ T[:3, :3].T + T[:3, 3])
     return np.concatenate(clouds)
 
 
-def _neighbours(keyframes: Sequence[Keyframe], centre: int, way: float, reach: float) -> list[Keyframe]:
-    """Those before and those after; each is fetched once, for its cloud may lie on disk."""
+def _neighbours(keyframes: Sequence[Keyframe], centre: int, travelled: float, radius: float) -> list[Keyframe]:
+    """Keyframes before and after the centre; each is fetched once, since its cloud may be on disk."""
     found = []
     for positions in (range(centre - 1, -1, -1), range(centre + 1, len(keyframes))):
         for position in positions:
             keyframe = keyframes[position]
-            if abs(keyframe.way - way) > reach:
+            if abs(keyframe.travelled - travelled) > radius:
                 break
             found.append(keyframe)
     return found

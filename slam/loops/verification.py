@@ -1,8 +1,8 @@
-"""Whether two places that look alike are one, and where the query lies in the other's frame if they are.
+"""Verification of loop candidates: whether two similar places are the same, and their relative pose.
 
-A descriptor's candidate is registered against a submap around the place. It is accepted only if the two submaps fit
-each other in both directions, fit worse with the query moved aside, and hold the pose along every axis. Fitness alone
-passes wrong loops: the road and the house fronts of one street fit those of the next.
+A candidate is registered against a submap around the matched place. It is accepted if the two submaps fit each other in
+both directions, fit worse when the query is displaced, and constrain the pose along every axis. The inlier ratio alone
+accepts false loops: the road and the facades of one street fit those of the next.
 """
 
 from __future__ import annotations
@@ -21,24 +21,25 @@ from slam.registration.result import RegistrationResult
 from slam.registration.voxels import VoxelFilter, VoxelGaussians
 from slam.settings import VerificationSettings
 
-SUBMAP_SIGMA = np.array([0.001] * 3 + [0.03] * 3)  # rad, m: what odometry bends a submap; no registration sees it
-REFUSED = np.diag(np.array([np.pi] * 3 + [100.0] * 3) ** 2)  # covariance where nothing was registered
-UNALIKE = 0.05  # a submap of which less fits itself is too thin for a ratio to it
+SUBMAP_SIGMA = np.array([0.001] * 3 + [0.03] * 3)  # rad, m: distortion of submaps by odometry drift, not observable
+UNREGISTERED = np.diag(np.array([np.pi] * 3 + [100.0] * 3) ** 2)  # covariance without a registration
+MIN_SELF_FIT = 0.05  # lower bound of the share of a submap that fits itself: sparser ones would inflate the ratios
 
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """What the registration of a candidate found.
+    """Result of the verification of a candidate.
 
-    T_match_query  (4, 4): the query's pose in the match's frame
-    covariance     (6, 6) of T_match_query @ exp(xi), xi = (rotation [rad], translation [m]): the registration's noise
-                   and the bending of the submaps; of use where the candidate was accepted
-    inlier_ratio   share of the query's points in common range that fit the match's submap, relative to the share of the
-                   match's own that do, so that sparse clouds are judged as dense ones are
-    overlap        the same the other way round
-    distinctness   by how much the inlier ratio falls at least when the query is moved aside
-    point_sigma    [m] standard deviation of the position along its worst direction, if one point alone had to tell
-    reason         why it was refused, in words for a table; '' where it was accepted
+    Attributes:
+        T_match_query: (4, 4) pose of the query in the frame of the match.
+        covariance: (6, 6) covariance of xi in T_match_query @ exp(xi), xi = (rotation [rad], translation [m]):
+            registration noise plus distortion of the submaps; meaningful for accepted candidates.
+        inlier_ratio: Share of the query's points in common range that fit the match's submap, relative to the share of
+            the match's own points that do, so that sparse and dense clouds are comparable.
+        overlap: The same with query and match exchanged.
+        distinctness: Minimum decrease of the inlier ratio when the query is displaced.
+        point_sigma: Standard deviation of the position along its worst direction, per point [m].
+        reason: Short reason for the rejection, '' for accepted candidates.
     """
 
     T_match_query: Array
@@ -51,30 +52,35 @@ class Verification:
 
     @property
     def accepted(self) -> bool:
+        """Whether the candidate is a loop."""
         return not self.reason
 
 
 class Verifier:
-    """Registers candidates of the loop search and judges them. One per thread: it keeps scratch memory."""
+    """Registers and verifies loop candidates. Not thread-safe because of its work memory: use one per thread."""
 
     def __init__(self, settings: VerificationSettings | None = None) -> None:
         self.settings = settings or VerificationSettings()
         self._thin = VoxelFilter(self.settings.voxel_size)
-        self._thin_more = VoxelFilter(self.settings.registered_voxel_size)
+        self._thin_more = VoxelFilter(self.settings.registration_voxel_size)
         yaw = np.deg2rad(self.settings.search_yaw_deg)
         self._turns = [se3.exp(np.array([0, 0, angle, 0, 0, 0])) for angle in (0.0, -yaw, yaw)]
         self._moves = _disc(self.settings.search_radius, self.settings.search_step)
 
     def verify(self, keyframes: Sequence[Keyframe], query: int, match: int, guess: Array) -> Verification:
-        """Are the keyframes at positions `query` and `match` of one place? `guess` (4, 4) is T_match_query.
+        """Verify that two keyframes are at the same place.
 
-        All keyframes in reach on the way take part: to repeat a decision, hand over the same ones.
+        Args:
+            keyframes: All keyframes; those in both submaps affect the result.
+            query: Position of the query keyframe.
+            match: Position of the matched keyframe.
+            guess: Initial T_match_query (4, 4).
         """
         limits = self.settings
-        there = self._submap(keyframes, match, limits.match_reach)
-        here = self._submap(keyframes, query, limits.query_reach)
+        there = self._submap(keyframes, match, limits.match_submap_radius)
+        here = self._submap(keyframes, query, limits.query_submap_radius)
         if min(len(there), len(here)) < limits.min_points:
-            return Verification(guess, REFUSED)
+            return Verification(guess, UNREGISTERED)
         place = _target(limits.cell_sizes, there)
         there_cells, here_cells = place.levels[-1], _target(limits.cell_sizes[-1:], here).levels[0]
         found, lead = self._register(place, here, guess)
@@ -82,9 +88,9 @@ class Verifier:
         T, T_back, still = found.pose, se3.inverse(found.pose), np.eye(4)
         seen_here, seen_there = self._in_common(here, T), self._in_common(there, T_back)
         if min(len(seen_here), len(seen_there)) < limits.min_points:
-            return Verification(T, REFUSED)
-        at_best = max(_fitting(there_cells, seen_there, still), UNALIKE)
-        at_best_back = max(_fitting(here_cells, seen_here, still), UNALIKE)
+            return Verification(T, UNREGISTERED)
+        at_best = max(_fitting(there_cells, seen_there, still), MIN_SELF_FIT)
+        at_best_back = max(_fitting(here_cells, seen_here, still), MIN_SELF_FIT)
         worst = float(np.linalg.eigvalsh(found.covariance[3:, 3:])[-1])
         measures = {
             "inlier_ratio": min(_fitting(there_cells, seen_here, T) / at_best, 1.0),
@@ -95,15 +101,15 @@ class Verifier:
         covariance = found.covariance + np.diag(SUBMAP_SIGMA**2)
         return Verification(T, covariance, **measures, reason=self._reason(se3.inverse(guess) @ T, **measures))
 
-    def _submap(self, keyframes: Sequence[Keyframe], centre: int, reach: float) -> Array:
-        """(N, 3) float32 in the frame of the keyframe at `centre`, thinned."""
-        xyz = submap(keyframes, centre, reach, self.settings.max_points)
+    def _submap(self, keyframes: Sequence[Keyframe], centre: int, radius: float) -> Array:
+        """Downsampled submap (N, 3) float32 in the frame of the keyframe at `centre`."""
+        xyz = submap(keyframes, centre, radius, self.settings.max_points)
         return self._thin(xyz, _ones(xyz))[0]
 
     def _register(self, place: NdtTarget, here: Array, guess: Array) -> tuple[RegistrationResult, float]:
-        """From the best start around the guess, as the coarse cells see it; again if a place beside is better.
+        """Register from the initial pose near the guess with the best score; repeat if a displaced pose fits better.
 
-        Also by how much more of the points fits there than beside it.
+        Also returns the decrease of the inlier ratio at the best displaced pose.
         """
         xyz = self._thin_more(here, _ones(here))[0]
         some = np.ascontiguousarray(xyz[::3])
@@ -117,22 +123,22 @@ class Verifier:
         return found, lead
 
     def _compared(self, cells: VoxelGaussians, here: Array, found: RegistrationResult) -> tuple[float, Array]:
-        """By how much more of the points in common fits than with them moved aside, and the best of the poses aside.
+        """Decrease of the inlier ratio at the best of 16 displaced poses, and that pose.
 
-        The first of the directions is the one that the registration holds least: a tunnel's axis.
+        The first displacement is along the direction that the registration constrains least: the axis of a tunnel.
         """
         some = np.ascontiguousarray(self._in_common(here, found.pose)[::2])
         R = found.pose[:3, :3]
         weakest = np.linalg.eigh((R @ found.H[3:, 3:] @ R.T)[:2, :2])[1][:, 0]
         headings = np.arctan2(weakest[1], weakest[0]) + np.arange(16) * np.pi / 8
-        moves = self.settings.distinct_radius * np.column_stack([np.cos(headings), np.sin(headings)])
+        moves = self.settings.distinctness_radius * np.column_stack([np.cos(headings), np.sin(headings)])
         aside = [_moved(found.pose, move) for move in moves]
         fits = [_fitting(cells, some, pose) for pose in aside]
         best = int(np.argmax(fits))
         return _fitting(cells, some, found.pose) - fits[best], aside[best]
 
     def _in_common(self, xyz: Array, T: Array) -> Array:
-        """Of points (N, 3) those in range of their own sensor and, moved by `T` (4, 4), of the other."""
+        """Points (N, 3) within common range of their own sensor and, transformed by `T` (4, 4), of the other."""
         moved = xyz @ T[:3, :3].T.astype(np.float32) + T[:3, 3].astype(np.float32)
         near = np.maximum((xyz**2).sum(axis=1), (moved**2).sum(axis=1)) < self.settings.common_range**2
         return np.asarray(xyz[near])
@@ -161,7 +167,7 @@ def _disc(radius: float, step: float) -> Array:
 
 
 def _moved(pose: Array, move: Array) -> Array:
-    """The pose (4, 4), moved by (2,) in x and y of the target's frame."""
+    """The pose (4, 4), displaced by (2,) in x and y of the target's frame."""
     result = pose.copy()
     result[:2, 3] += move
     return result
@@ -178,6 +184,6 @@ def _target(cell_sizes: Sequence[float], xyz: Array) -> NdtTarget:
 
 
 def _fitting(cells: VoxelGaussians, xyz: Array, pose: Array) -> float:
-    """Share of the points (N, 3), moved by `pose` (4, 4), that meet a Gaussian and fit it."""
+    """Share of the points (N, 3), transformed by `pose` (4, 4), that fit the Gaussian of their cell."""
     _, _, totals = cells.normal_equations(xyz, _ones(xyz), pose, 1, 1.0)
     return float(totals[2] / max(totals[5], 1.0))

@@ -1,1 +1,1 @@
-"""Keyframes, and the map that is made of them."""
+"""Keyframes, and the global map built from them."""

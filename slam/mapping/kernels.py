@@ -1,8 +1,9 @@
-"""The loops behind keyframes and the map: averages a voxel, range images, beams that pass through voxels. Nothing but
-@njit here, and all in one file: numba's cache does not see a change in another.
+"""Kernels of keyframes and the map: averages per voxel, range images, beams that pass through voxels.
 
-A hash table is one array of slots, `table` (S,) int32: the row of a voxel in its dense arrays, FREE where there is
-none; open addressing with linear probing over a power of two of slots. `cell_keys` (C,) int64 says whose row it is.
+This file holds @njit functions only, with all that they call: numba's cache does not see changes in other files.
+
+A hash table is one array of slots, `table` (S,) int32: the row of a voxel in the dense arrays, or FREE; open addressing
+with linear probing, and a power of two of slots. `cell_keys` (C,) int64 is the key of each row.
 """
 
 import math
@@ -11,20 +12,20 @@ import numpy as np
 from numba import njit
 
 FREE = np.int32(-1)
-_BITS = 21  # a cell index per axis: +-1,048,576 cells, 200 km of 0.2 m cells
+_BITS = 21  # bits of a cell index per axis: +-1,048,576 cells, 200 km with 0.2 m cells
 _MASK = (1 << _BITS) - 1
 _HALF = 1 << (_BITS - 1)
 
-# Columns of a voxel's sums: points, offsets from the voxel's corner (3), intensity; with colour also red, green, blue
-# and the points that had one.
+# Columns of a voxel's sums: number of points, offsets from the voxel's corner (3), intensity; with colour also red,
+# green, blue and the number of coloured points.
 _OFFSET, _INTENSITY, _COLOUR, _COLOURED = 1, 4, 5, 8
 
 
 @njit(inline="always")
 def _find(table, cell_keys, key):
-    """Slot that holds the voxel `key`, or the free one where it belongs."""
+    """Slot of the voxel `key`, or the free slot where it belongs."""
     mask = len(table) - 1
-    h = key * np.int64(-7046029254386353131)  # 2^64 / golden ratio: the product's high bits are well mixed
+    h = key * np.int64(-7046029254386353131)  # 2^64 / golden ratio: mixes the high bits of the product well
     slot = np.int64(h ^ (h >> 32)) & mask
     while table[slot] != FREE and cell_keys[table[slot]] != key:
         slot = (slot + 1) & mask
@@ -35,10 +36,10 @@ def _find(table, cell_keys, key):
 def average_into(
     xyz, intensity, colour, pose, size, min_range, max_range, table, cell_keys, sums, seen, last, number, count
 ):
-    """Add points (N, 3) between the two ranges, moved by `pose` (4, 4), to the averages of their voxels.
+    """Add points (N, 3) between the two ranges, transformed by `pose` (4, 4), to the averages of their voxels.
 
-    colour (N, 3) uint8, black where no camera saw the point, or (0, 3). seen (C,) uint16 counts the clouds that had a
-    point in a voxel, last (C,) int32 is the `number` of the latest. Returns the new number of voxels.
+    `colour` is (N, 3) uint8, black where no camera saw the point, or (0, 3). `seen` (C,) uint16 counts the clouds with
+    a point in a voxel, `last` (C,) int32 is the `number` of the latest one. Returns the new number of voxels.
     """
     inverse_size = 1.0 / size
     coloured = len(colour) > 0
@@ -52,7 +53,7 @@ def average_into(
         z = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * pz + pose[2, 3]
         cx, cy, cz = math.floor(x * inverse_size), math.floor(y * inverse_size), math.floor(z * inverse_size)
         key = ((np.int64(cx) & _MASK) << (2 * _BITS)) | ((np.int64(cy) & _MASK) << _BITS) | (np.int64(cz) & _MASK)
-        if key != last_key:  # neighbours in a scan mostly share the voxel
+        if key != last_key:  # consecutive points of a scan mostly share the voxel
             last_key = key
             slot = _find(table, cell_keys, key)
             if table[slot] == FREE:
@@ -81,7 +82,7 @@ def average_into(
 
 @njit(cache=True, nogil=True)
 def rehash(cell_keys, count, table):
-    """Fill a table, after it has grown, with the voxels there are."""
+    """Insert all voxels into a table that has grown."""
     table[:] = FREE
     for cell in range(count):
         table[_find(table, cell_keys, cell_keys[cell])] = cell
@@ -96,8 +97,10 @@ def _corner(key, axis):
 
 @njit(cache=True, nogil=True)
 def averages(sums, cell_keys, kept, size):
-    """Mean point (K, 3) float32, intensity (K,) float32 and colour (K, 3) uint8, black where no point had one, of the
-    voxels `kept` (C,) bool."""
+    """Compute mean point (K, 3) float32, intensity (K,) float32 and colour (K, 3) uint8 of the voxels `kept` (C,) bool.
+
+    The colour is black if no point had one.
+    """
     total = kept.sum()
     xyz, intensity = np.empty((total, 3), np.float32), np.empty(total, np.float32)
     colour = np.zeros((total, 3), np.uint8)
@@ -119,7 +122,7 @@ def averages(sums, cell_keys, kept, size):
 
 @njit(cache=True, nogil=True)
 def tiles(cell_keys, width):
-    """(C, 2) int32: the square tile, `width` voxels wide and seen from above, that each voxel lies in."""
+    """Compute the tile (C, 2) int32 of each voxel: x-y squares of `width` voxels."""
     out = np.empty((len(cell_keys), 2), np.int32)
     for cell in range(len(cell_keys)):
         for axis in range(2):
@@ -129,7 +132,7 @@ def tiles(cell_keys, width):
 
 @njit(inline="always")
 def _bin(x, y, z, rows, columns):
-    """Row, 0 = straight up, and column of a direction in a range image of the whole sphere."""
+    """Row (0 = straight up) and column of a direction in a range image of the whole sphere."""
     row = int((0.5 - math.atan2(z, math.sqrt(x * x + y * y)) / math.pi) * rows)
     column = int((0.5 + math.atan2(y, x) / (2 * math.pi)) * columns)
     return min(row, rows - 1), column % columns
@@ -137,7 +140,7 @@ def _bin(x, y, z, rows, columns):
 
 @njit(cache=True, nogil=True)
 def range_image(xyz, rows, columns):
-    """(rows, columns) uint16: the nearest return [cm] in each bin of direction, 0 where there was none."""
+    """Compute the range of the nearest return [cm] in each bin, (rows, columns) uint16, 0 without a return."""
     image = np.zeros((rows, columns), np.uint16)
     for i in range(len(xyz)):
         x, y, z = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
@@ -153,8 +156,11 @@ def range_image(xyz, rows, columns):
 
 @njit(cache=True, nogil=True)
 def nearest_around(image, gap):
-    """(R, C) float32 [m]: the nearest return among a bin, the next bins above and below that have one, at most `gap`
-    rows away, and the same in the columns beside; 0 where the bin lies neither on a ring nor between two."""
+    """Compute the range of the nearest return around each bin, (R, C) float32 [m].
+
+    Around a bin are the next bins above and below with a return, at most `gap` rows away, and the same in both adjacent
+    columns. The result is 0 for bins that are neither on a ring nor between two.
+    """
     rows, columns = image.shape
     nearest = np.full((rows, columns), np.inf, np.float32)
     known = np.zeros((rows, columns), np.bool_)
@@ -163,9 +169,9 @@ def nearest_around(image, gap):
             near, sides = np.inf, 0
             if image[row, column] > 0:
                 near, sides = 0.01 * image[row, column], 2
-            for way in (-1, 1):
+            for direction in (-1, 1):
                 for step in range(1, gap + 1):
-                    other = row + way * step
+                    other = row + direction * step
                     if other < 0 or other >= rows:
                         break
                     if image[other, column] > 0:
@@ -176,8 +182,8 @@ def nearest_around(image, gap):
     for row in range(rows):
         for column in range(columns):
             if known[row, column]:
-                beside = min(nearest[row, column - 1], nearest[row, (column + 1) % columns])
-                out[row, column] = min(nearest[row, column], beside)
+                adjacent = min(nearest[row, column - 1], nearest[row, (column + 1) % columns])
+                out[row, column] = min(nearest[row, column], adjacent)
     return out
 
 
@@ -185,11 +191,11 @@ def nearest_around(image, gap):
 def pass_through(
     nearest, first_row, rows, T_lidar_world, reach, margin, share, order, starts, stops, cell_keys, sums, size, passes
 ):
-    """Count, in `passes` (C,) uint16, the voxels within `reach` [m] that the beams of a scan went through.
+    """Count in `passes` (C,) uint16 the voxels within `reach` [m] that the beams of a scan passed through.
 
-    nearest (R, C) as from `nearest_around`, from `first_row` on of an image with `rows` rows. A beam has passed where
-    everything around its direction lies further than the voxel by more than `margin` [m] + `share` of its distance.
-    `order` lists the voxels tile by tile; those of tile t, starts[t] to stops[t], are looked at.
+    `nearest` (R, C) is the result of `nearest_around`, from `first_row` on of an image with `rows` rows. A beam has
+    passed a voxel if all returns around its direction are farther by more than `margin` [m] + `share` of the distance.
+    `order` lists the voxels by tile; those of tile t, from starts[t] to stops[t], are checked.
     """
     T, columns = T_lidar_world, nearest.shape[1]
     for tile in range(len(starts)):

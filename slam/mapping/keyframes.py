@@ -1,4 +1,4 @@
-"""The frames of a drive that loops, the pose graph and the map are made of."""
+"""Keyframes: the frames that loop closure, the pose graph and the map use."""
 
 from __future__ import annotations
 
@@ -15,66 +15,74 @@ from slam.mapping.visibility import SPHERE_COLUMNS, RangeImage
 from slam.mapping.voxel_averages import VoxelAverages
 from slam.settings import KeyframeSettings
 
-RECENT = 32  # keyframes that stay unpacked: the surroundings of a query and of its candidates; 3 MB each
-COORDINATE_STEP = 0.003  # m: coordinates are kept as whole multiples of it in 16 bits, which reach 98 m; noise is 20 mm
+RECENT = 32  # unpacked keyframes in the cache, for the submaps of a query and its candidates; 3 MB each
+COORDINATE_STEP = 0.003  # m: resolution of coordinates stored in 16 bits, which cover 98 m; the range noise is 20 mm
 
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
-    """One of them.
+    """One keyframe.
 
-    index  of its frame in the run, 0 = the first frame
-    pose   (4, 4) T_world_lidar as the odometry has it
-    way    metres driven since the first frame
-    cloud  the points in its own frame, deskewed, vertically corrected and thinned: of its own scan and of those that
-           follow up to the next keyframe
-    view   how far the beams of its own scan went
+    Attributes:
+        index: Index of its frame in the run, from 0.
+        pose: (4, 4) T_world_lidar by the odometry.
+        travelled: Travelled distance since the first frame [m].
+        cloud: Points in the keyframe's frame, deskewed, vertically corrected and downsampled: of its own scan and of
+            the scans up to the next keyframe.
+        view: Range image of its own scan.
     """
 
     index: int
     pose: Array
-    way: float
+    travelled: float
     cloud: PointCloud
     view: RangeImage
 
 
 class Keyframes(Sequence[Keyframe]):
-    """The keyframes of a drive, as a sequence that is added to and read at any time, from any thread.
+    """The keyframes of a run, a growing sequence that any thread can read at any time.
 
-    A keyframe is done when the next one begins: its cloud has what all scans in between saw. Clouds are held compactly,
-    7 bytes a point, 10 with colour; what is beyond the budget lies in a file without a name in the temporary folder
-    (TMPDIR), which the operating system removes however the program ends.
+    A keyframe is complete when the next one begins: its cloud includes all scans in between. Clouds take 7 bytes per
+    point, 10 with colour; beyond the memory budget they are stored in an unnamed file in the temporary folder (TMPDIR),
+    which the operating system removes however the program ends.
     """
 
     def __init__(self, settings: KeyframeSettings | None = None) -> None:
         self.settings = settings or KeyframeSettings()
         limits = self.settings
         self._gathered = VoxelAverages(limits.voxel_size, limits.min_range, limits.max_range)
-        self._begun: Keyframe | None = None  # its cloud is its own scan's alone
+        self._begun: Keyframe | None = None  # with the cloud of its own scan only
         self._kept: list[tuple[int, Array, float]] = []
         self.spill = Spill(int(1e6 * limits.memory_mb))
-        self._unpacked_lately = lru_cache(RECENT)(self._unpack)  # neighbours are asked for again and again
+        self._unpacked_lately = lru_cache(RECENT)(self._unpack)  # submaps read the same neighbours repeatedly
 
-    def add(self, cloud: PointCloud, pose: Array, index: int, way: float) -> Keyframe | None:
-        """The next registered scan: deskewed, in the sensor's frame, seen from `pose` (4, 4), T_world_lidar.
+    def add(self, cloud: PointCloud, pose: Array, index: int, travelled: float) -> Keyframe | None:
+        """Add the next registered scan.
 
-        Returns the keyframe that is done now because this scan begins a new one, else None.
+        Args:
+            cloud: The deskewed scan in the sensor frame.
+            pose: (4, 4) T_world_lidar.
+            index: Index of the frame in the run.
+            travelled: Travelled distance since the first frame [m].
+
+        Returns:
+            The keyframe that is complete because this scan begins a new one, else None.
         """
         done = self.finish() if self._begun and self.begins(pose) else None
         if self._begun is None:
-            beams = cloud.select(cloud.measured)  # a predicted point is no beam: nothing may be carved away by it
-            self._begun = Keyframe(index, pose.copy(), way, cloud, RangeImage.of(beams))
+            beams = cloud.select(cloud.measured)  # predicted points are no beams and must not carve voxels
+            self._begun = Keyframe(index, pose.copy(), travelled, cloud, RangeImage.of(beams))
         sure = cloud.select(cloud.sigma <= self.settings.max_sigma)
         self._gathered.insert(sure, se3.inverse(self._begun.pose) @ pose)
         return done
 
     def finish(self) -> Keyframe | None:
-        """The keyframe that was being gathered, done now as it is; None where there was none."""
+        """Complete the current keyframe and return it; None if there is none."""
         if self._begun is None:
             return None
         begun, self._begun = self._begun, None
         self.spill.append(_packed(self._gathered.points(), begun.view))
-        self._kept.append((begun.index, begun.pose, begun.way))
+        self._kept.append((begun.index, begun.pose, begun.travelled))
         self._gathered.clear()
         return self[-1]
 
@@ -92,21 +100,21 @@ class Keyframes(Sequence[Keyframe]):
 
     @property
     def indices(self) -> Array:
-        """(K,) of their frames in the run."""
+        """Frame indices (K,) in the run."""
         return np.array([index for index, _, _ in self._kept], int)
 
     @property
     def poses(self) -> Array:
-        """(K, 4, 4) T_world_lidar as the odometry has them."""
+        """Odometry poses (K, 4, 4) T_world_lidar."""
         return np.array([pose for _, pose, _ in self._kept]).reshape(-1, 4, 4)
 
     @property
-    def ways(self) -> Array:
-        """(K,) metres driven."""
-        return np.array([way for _, _, way in self._kept], float)
+    def travelled(self) -> Array:
+        """Travelled distances (K,) [m]."""
+        return np.array([travelled for _, _, travelled in self._kept], float)
 
     def begins(self, pose: Array) -> bool:
-        """Whether a scan seen from there begins a new keyframe."""
+        """Check whether a scan at this pose (4, 4) T_world_lidar begins a new keyframe."""
         if self._begun is None:
             return True
         motion = se3.inverse(self._begun.pose) @ pose
@@ -115,7 +123,7 @@ class Keyframes(Sequence[Keyframe]):
 
 
 def _packed(cloud: PointCloud, view: RangeImage) -> bytes:
-    """Points, whether they have colour, the view's first row; coordinates, intensities, colours; the view."""
+    """Bytes: header (points, has colour, first row of the view), coordinates, intensities, colours, view."""
     steps = np.round(cloud.xyz / np.float32(COORDINATE_STEP))
     within = (np.abs(steps) < 1 << 15).all(axis=1)
     header = np.array([within.sum(), cloud.colour is not None, view.first_row], np.int32)

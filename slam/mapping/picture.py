@@ -1,4 +1,4 @@
-"""A map seen from above, as a picture."""
+"""Picture of a map from above."""
 
 from __future__ import annotations
 
@@ -11,24 +11,29 @@ from scipy.spatial import cKDTree
 from slam.data.atomic import written_beside
 from slam.data.cloud import Array, PointCloud
 
-PIXELS = 1600  # along the longer side of the map, at most
-FINEST = 0.1  # m a pixel: finer than that, a map of 0.2 m voxels has holes
+MAX_PIXELS = 1600  # along the longer side of the map
+MIN_PIXEL = 0.1  # m per pixel: with finer pixels a map of 0.2 m voxels would have holes
 BACKGROUND = 16
-CELL = 2.0  # m, and two pixels: squares no smaller than that share the nearest place of the way
-LOWEST, HIGHEST = -2.5, 6.0  # m above the sensor as it passed: below and beyond, all is one colour
+CELL = 2.0  # m, and at least two pixels: squares that share their nearest trajectory position
+LOWEST, HIGHEST = -2.5, 6.0  # m above the sensor's path: limits of the colour scale
 
 
 def map_png(cloud: PointCloud, trajectory: Array, path: Path) -> None:
-    """Draw a map in the world's frame and the way driven, positions (N, 3), with a grid in metres.
+    """Draw a map and the trajectory from above, with a grid in metres.
 
-    Points have the camera's colour where there is one, else one for their height above the way driven; the highest
-    point of a pixel is seen. An empty map gives a picture of the way alone.
+    Points have their colour from the camera, or else a colour for their height above the trajectory; each pixel shows
+    its highest point. For an empty map only the trajectory is drawn.
+
+    Args:
+        cloud: The map in the world frame.
+        trajectory: Positions (N, 3) of the sensor in the world frame [m].
+        path: The PNG to write, atomically.
     """
     from matplotlib.figure import Figure  # half a second of import, at the end of a run only
 
     corners = np.concatenate([_extent(cloud.xyz[:, :2]), trajectory[:, :2].reshape(-1, 2)])
     low, high = np.floor(corners.min(axis=0)) - 5, np.ceil(corners.max(axis=0)) + 5
-    pixel = max(FINEST, float((high - low).max()) / PIXELS)
+    pixel = max(MIN_PIXEL, float((high - low).max()) / MAX_PIXELS)
     width, height = np.ceil((high - low) / pixel).astype(int)
     picture = _drawn(cloud, trajectory, low, pixel, width, height)
 
@@ -36,7 +41,7 @@ def map_png(cloud: PointCloud, trajectory: Array, path: Path) -> None:
     axes = figure.add_subplot()
     edges = (low[0], low[0] + width * pixel, low[1], low[1] + height * pixel)
     axes.imshow(picture, origin="lower", extent=edges, interpolation="antialiased")
-    axes.plot(*trajectory[:, :2].T, color="#ff3b30", linewidth=0.9, label="way driven")
+    axes.plot(*trajectory[:, :2].T, color="#ff3b30", linewidth=0.9, label="trajectory")
     axes.plot(*trajectory[:1, :2].T, "o", color="#ff3b30", markersize=4)
     axes.grid(color="white", alpha=0.25, linewidth=0.5)
     axes.set(xlabel="x [m]", ylabel="y [m]", xlim=edges[:2], ylim=edges[2:])
@@ -46,22 +51,22 @@ def map_png(cloud: PointCloud, trajectory: Array, path: Path) -> None:
 
 
 def _extent(xy: Array) -> Array:
-    """Lowest and highest corner (2, 2) of all but a few stray points; (0, 2) where there are none."""
+    """Lower and upper corner (2, 2) of the points without outliers; (0, 2) for no points."""
     return np.quantile(xy, (0.0005, 0.9995), axis=0) if len(xy) else np.zeros((0, 2))
 
 
 def _drawn(cloud: PointCloud, trajectory: Array, low: Array, pixel: float, width: int, height: int) -> Array:
-    """(H, W, 3) uint8, the first row at the lowest y."""
+    """Image (H, W, 3) uint8, first row at the lowest y."""
     picture = np.full((height * width, 3), BACKGROUND, np.uint8)
     column, row = ((cloud.xyz[:, :2] - low) / pixel).astype(np.int64).T
     inside = np.flatnonzero((column >= 0) & (column < width) & (row >= 0) & (row < height))
-    inside = inside[np.argsort(cloud.xyz[inside, 2], kind="stable")]  # of those in one pixel, the highest comes last
+    inside = inside[np.argsort(cloud.xyz[inside, 2], kind="stable")]  # the highest point of a pixel is drawn last
     picture[row[inside] * width + column[inside]] = _colours(cloud, trajectory, pixel)[inside]
     return _without_holes(picture.reshape(height, width, 3))
 
 
 def _without_holes(picture: Array) -> Array:
-    """Empty pixels as the one below or the one to the left: averaged points do not fall into every one."""
+    """Fill empty pixels from the one below or to the left: averaged points do not fall into every pixel."""
     for axis in (0, 1):
         empty = (picture == BACKGROUND).all(axis=2)
         picture[empty] = np.roll(picture, 1, axis)[empty]
@@ -69,13 +74,13 @@ def _without_holes(picture: Array) -> Array:
 
 
 def _colours(cloud: PointCloud, trajectory: Array, pixel: float) -> Array:
-    """(N, 3) uint8."""
+    """Colours (N, 3) uint8 of the points."""
     from matplotlib import colormaps
 
     palette: Any = np.array(colormaps["viridis"](np.linspace(0.2, 1.0, 256)))[:, :3]
     height = _height(cloud.xyz, trajectory, max(CELL, 2 * pixel))
     share = np.clip((height - LOWEST) / (HIGHEST - LOWEST), 0, 1)
-    light = 0.6 + 0.4 * np.sqrt(np.clip(cloud.intensity, 0, 1))  # road markings show
+    light = 0.6 + 0.4 * np.sqrt(np.clip(cloud.intensity, 0, 1))  # intensity makes road markings visible
     colours = (255 * palette[(255 * share).astype(np.int64)] * light[:, None]).astype(np.uint8)
     if cloud.colour is not None:
         seen = cloud.colour.any(axis=1)
@@ -84,7 +89,7 @@ def _colours(cloud: PointCloud, trajectory: Array, pixel: float) -> Array:
 
 
 def _height(xyz: Array, trajectory: Array, size: float) -> Array:
-    """(N,) metres above the sensor where it passed nearest, of squares of `size` [m]."""
+    """Heights (N,) [m] above the nearest trajectory position, which is looked up per square of `size` [m]."""
     corner = xyz[:, :2].min(axis=0, initial=np.inf) if len(xyz) else np.zeros(2)
     column, row = ((xyz[:, :2] - corner) / size).astype(np.int64).T
     rows = row.max(initial=0) + 1

@@ -1,4 +1,4 @@
-"""Blocks of bytes in memory within a budget, and beyond it on disk."""
+"""Storage of byte blocks in memory up to a budget, and on disk beyond it."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from slam.data.errors import InputError
 
 
 class Spill:
-    """Keeps blocks in the order in which they came; the oldest go to disk first. May be read from any thread.
+    """Stores blocks in order of insertion; the oldest are moved to disk first. Thread-safe.
 
-    The file has no name: the operating system removes it when the program ends, even by a crash.
+    The file is unnamed: the operating system removes it when the program ends, even after a crash.
+
+    Args:
+        budget: Maximum size of the blocks in memory [bytes].
     """
 
     def __init__(self, budget: int) -> None:
         self._budget, self.in_memory, self.on_disk = budget, 0, 0  # bytes
-        self._blocks: list[
-            bytes | tuple[int, int]
-        ] = []  # the block itself, or where in the file it begins and its size
-        self._moved = 0  # blocks that lie on disk
+        self._blocks: list[bytes | tuple[int, int]] = []  # the block itself, or its offset and size in the file
+        self._moved = 0  # number of blocks on disk
         self._file: IO[bytes] | None = None
         self._lock = threading.Lock()
 
@@ -29,7 +30,11 @@ class Spill:
         return len(self._blocks)
 
     def append(self, block: bytes) -> None:
-        """Raises InputError where the disk is full."""
+        """Append a block.
+
+        Raises:
+            InputError: The disk is full.
+        """
         with self._lock:
             self._blocks.append(block)
             self.in_memory += len(block)
@@ -37,7 +42,7 @@ class Spill:
                 self._move_oldest()
 
     def read(self, number: int) -> bytes:
-        """The block with that number, 0 = the first."""
+        """Return a block by its number, from 0."""
         with self._lock:
             block = self._blocks[number]
             if isinstance(block, bytes):
@@ -56,7 +61,7 @@ class Spill:
             file.flush()
         except OSError as error:
             raise InputError(
-                f"{tempfile.gettempdir()}: keyframes cannot be put there ({error.strerror or error}); free some space, "
+                f"{tempfile.gettempdir()}: cannot write keyframes ({error.strerror or error}); free some space, "
                 "or set TMPDIR to a folder with more"
             ) from error
         self._blocks[self._moved] = self.on_disk, len(block)

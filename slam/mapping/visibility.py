@@ -1,4 +1,4 @@
-"""How far a scan's beams went in each direction: what they passed on the way is empty."""
+"""Range image of a scan: the space that its beams passed through is empty."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from dataclasses import dataclass
 from slam.data.cloud import Array, PointCloud
 from slam.mapping import kernels
 
-#: Of the whole sphere: bins of half a degree, about the spacing of a 64-channel LiDAR's rings.
+#: Size of a range image of the whole sphere: bins of half a degree, about the ring spacing of a 64-channel LiDAR.
 SPHERE_ROWS, SPHERE_COLUMNS = 360, 720
-GAP = 5  # rows between a bin and the next return above or below it: a 16-channel LiDAR's rings are 2 deg apart
+GAP = 5  # maximum rows between a bin and the next return above or below: 16-channel rings are 2 deg apart
 
 
 @dataclass(frozen=True, eq=False)
 class RangeImage:
-    """Of one scan, seen from its sensor.
+    """Nearest returns of one scan by direction.
 
-    first_row  of the rows from straight up to straight down, the first that has a return
-    nearest    (R, SPHERE_COLUMNS) uint16: the nearest return in each bin [cm], 0 where there was none
+    Attributes:
+        first_row: First row with a return, of the rows from straight up to straight down.
+        nearest: (R, SPHERE_COLUMNS) uint16, range of the nearest return in each bin [cm], 0 without a return.
     """
 
     first_row: int
@@ -25,7 +26,7 @@ class RangeImage:
 
     @staticmethod
     def of(cloud: PointCloud) -> RangeImage:
-        """From the measured points; predicted ones are no beams."""
+        """Build the range image from the measured points; predicted points are no beams."""
         image = kernels.range_image(cloud.xyz[cloud.measured], SPHERE_ROWS, SPHERE_COLUMNS)
         filled = image.any(axis=1).nonzero()[0]
         if len(filled) == 0:
@@ -33,9 +34,9 @@ class RangeImage:
         return RangeImage(int(filled[0]), image[filled[0] : filled[-1] + 1].copy())
 
     def passed(self) -> Array:
-        """(R, SPHERE_COLUMNS) float32 [m]: how far space is empty for certain, 0 where nothing is known.
+        """Return the range up to which space is certainly empty, (R, SPHERE_COLUMNS) float32 [m], 0 where unknown.
 
-        The nearest return of a bin and of those around it: a road at a grazing angle is not taken for empty, though the
-        next beam hits it metres further on, nor a pole that some beams miss. Between two rings, both must see far.
+        This is the nearest return of a bin and the bins around it, so that neither a road at a grazing angle, which the
+        next beam hits metres farther, nor a pole that some beams miss is empty. Between two rings, both must see far.
         """
         return kernels.nearest_around(self.nearest, GAP)

@@ -1,4 +1,4 @@
-"""Points averaged by the cubic voxel that they fall into: what keyframes and the map are gathered in."""
+"""Averages of points per voxel, the container of keyframes and of the map."""
 
 from __future__ import annotations
 
@@ -7,14 +7,18 @@ import numpy as np
 from slam.data.cloud import Array, PointCloud
 from slam.mapping import kernels
 
-CAPACITY = 1 << 16  # voxels to begin with
+CAPACITY = 1 << 16  # initial number of voxels
 
 
 class VoxelAverages:
-    """Mean position, intensity and colour of each voxel of `size` [m]; grows with the space that is seen.
+    """Mean position, intensity and colour per voxel.
 
-    Points nearer to their sensor than `min_range` or further than `max_range` [m] are left out. A voxel takes 42 to 50
-    bytes, 16 more with colour; up to half as much again is reserved for growth.
+    A voxel takes 42 to 50 bytes, 16 more with colour; up to half as much again is reserved for growth.
+
+    Args:
+        size: Side of the cubic voxels [m].
+        min_range: Points nearer to their sensor are left out [m].
+        max_range: Points farther from their sensor are left out [m].
     """
 
     def __init__(self, size: float, min_range: float = 0.0, max_range: float = 1e9) -> None:
@@ -28,12 +32,12 @@ class VoxelAverages:
         return self._count
 
     def clear(self) -> None:
-        """Forget all, and keep the memory for what comes."""
+        """Remove all points; the memory is kept."""
         self._count = self._clouds = 0
         self._table[:] = kernels.FREE
 
     def insert(self, cloud: PointCloud, pose: Array) -> None:
-        """Add a cloud in its sensor's frame, moved by `pose` (4, 4)."""
+        """Add a cloud in its sensor frame, transformed by `pose` (4, 4)."""
         if cloud.colour is not None and not self._coloured:
             self._sums = np.column_stack([self._sums, np.zeros((len(self._sums), 4), np.float32)])
         if self._count + len(cloud) > len(self._sums):
@@ -46,14 +50,14 @@ class VoxelAverages:
         self._clouds += 1
 
     def points(self) -> PointCloud:
-        """A point a voxel, in the order in which they were first met.
+        """Return one point per voxel, in the order of their first points.
 
-        Points that no camera saw are black; there is no colour at all where no cloud had any.
+        Points that no camera saw are black; without any coloured cloud there is no colour.
         """
         return self._points(np.ones(self._count, bool))
 
     def _points(self, kept: Array) -> PointCloud:
-        """Of the voxels `kept` (C,) bool."""
+        """Points of the voxels `kept` (C,) bool."""
         xyz, intensity, colour = kernels.averages(self._sums, self._keys, kept, self.size)
         return PointCloud(xyz, intensity, colour=colour if self._coloured else None)
 
@@ -62,7 +66,7 @@ class VoxelAverages:
         return self._sums.shape[1] > 5
 
     def _reserve(self, capacity: int) -> None:
-        """Room for so many voxels, with those there are."""
+        """Reserve memory for `capacity` voxels, and keep the present ones."""
         for name in ("_sums", "_keys", "_seen", "_last"):
             old = getattr(self, name)
             new = np.zeros((capacity, *old.shape[1:]), old.dtype)

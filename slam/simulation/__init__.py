@@ -1,1 +1,1 @@
-"""Scenes to drive and walk through, and the LiDAR and camera that record them."""
+"""Simulation of scenes for driving and walking, recorded by a LiDAR and a camera."""

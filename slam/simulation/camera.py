@@ -1,4 +1,4 @@
-"""The car's colour camera: a photograph of the town and its exact depth."""
+"""The colour camera: images of the scene with exact depth."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _PATTERN = np.array([material.pattern for material in MATERIALS], np.uint8)
 
 
 class Camera(NamedTuple):
-    """P2 (3, 4): projects points of the rectified camera 0 to pixels (u, v); pixel centres are whole numbers."""
+    """P2 (3, 4) projects points of the rectified camera 0 to pixels (u, v); pixel centres are at integers."""
 
     P2: Array
     width: int
@@ -45,15 +45,17 @@ CAMERA = Camera(
 class Look:
     """Time of day and weather. Light is linear RGB, where 1 is about that of a clear sky at the horizon.
 
-    sun       direction towards it, of unit length, world frame
-    sunlight  on a surface that faces the sun
-    zenith, horizon  colours of the sky
-    haze      share of a thing's light that is lost per metre of air
-    cover     share of the sky behind clouds, 0..1
-    exposure  of the camera
-    seed      of the clouds
-    ground    share of the light that comes back from below
-    reach     metres: what is farther off hides no light; indoors, where light comes from everywhere, a few
+    Attributes:
+        sun: Unit vector towards the sun, world frame.
+        sunlight: Light on a surface that faces the sun.
+        zenith: Colour of the sky at the zenith.
+        horizon: Colour of the sky at the horizon.
+        haze: Share of light lost per metre of air.
+        cover: Share of the sky behind clouds, 0..1.
+        exposure: Exposure of the camera.
+        seed: Random seed of the clouds.
+        ground: Share of the light that the ground reflects.
+        reach: Distance beyond which objects do not block light [m]; a few metres indoors, where light is diffuse.
     """
 
     sun: tuple[float, float, float]
@@ -69,7 +71,7 @@ class Look:
 
     @staticmethod
     def of(rng: Generator) -> Look:
-        """A clear day, one with scattered clouds, or an overcast one; the sun low or high."""
+        """Draw a clear day, one with scattered clouds, or an overcast one, with a low or a high sun."""
         elevation, azimuth = np.deg2rad(rng.uniform(16, 58)), rng.uniform(0, 2 * np.pi)
         sun = (np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation))
         seed = int(rng.integers(1 << 31))
@@ -101,9 +103,16 @@ class Look:
 
 
 def render(world: World, T_world_camera: Array, look: Look, rng: Generator) -> tuple[Array, Array]:
-    """What the camera sees from the pose of its own centre (z forward, x right, y down), world frame z up.
+    """Render the image and the depth of a camera.
 
-    Image (H, W, 3) uint8 RGB, and depth (H, W) float32: z in the camera frame [m], 0 where there is sky.
+    Args:
+        world: The scene.
+        T_world_camera: (4, 4), camera z forward, x right, y down; world z up.
+        look: Time of day and weather.
+        rng: Random generator of the noise.
+
+    Returns:
+        Image (H, W, 3) uint8 RGB, and depth (H, W) float32: z in the camera frame [m], 0 for sky.
     """
     rays = kernels.turned(_rays(), np.array(T_world_camera[:3, :3], np.float32))
     origin = np.array(T_world_camera[:3, 3], np.float64)
@@ -157,8 +166,10 @@ def _air(look: Look) -> Array:
 
 
 def _sunlit(world: World, seen: Seen, look: Look) -> Array:
-    """(N,) float32: 1 in the sun, 0 in the shade, softened by a pixel. Every second pixel asks, and its neighbours take
-    the mean of those around them."""
+    """Sunlight (N,) float32: 1 in the sun, 0 in the shade, softened by a pixel.
+
+    A ray is cast for every second pixel; the others take the mean of their neighbours.
+    """
     sunlit, asked = np.zeros((2, CAMERA.height, CAMERA.width), np.float32)
     if any(look.sunlight):
         pixels, start = kernels.sun_rays(*seen, _order(), CAMERA.width, np.array(look.sun))
@@ -179,10 +190,10 @@ def _mirrored(world: World, seen: Seen) -> Array:
 
 
 def _open_sky(world: World, seen: Seen, farthest: float) -> tuple[Array, Array]:
-    """Share of the hemisphere above the surface from where light comes in: nothing is nearer than `farthest` [m]
-    there. At every `_SKY_STEP`-th pixel both ways, and where it may be interpolated (see `shading.smooth_cells`).
+    """Share of the hemisphere above the surface that is open: without anything nearer than `farthest` [m].
 
-    It darkens corners, narrow streets and the ground below cars.
+    It is computed at every `_SKY_STEP`-th pixel in both axes, with a mask of where it may be interpolated (see
+    `shading.smooth_cells`). It darkens corners, narrow streets and the ground below cars.
     """
     rows, columns = CAMERA.height // _SKY_STEP, CAMERA.width // _SKY_STEP
     cells, start, direction = kernels.sky_rays(*seen, CAMERA.width, _SKY_STEP)

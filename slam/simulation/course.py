@@ -1,4 +1,4 @@
-"""The road that a drive follows: places along it and beside it."""
+"""The path of a drive: positions along it and at lateral offsets."""
 
 from __future__ import annotations
 
@@ -15,28 +15,29 @@ from slam.simulation.terrain import Terrain
 
 @dataclass(frozen=True, eq=False)
 class Road:
-    """A road's middle line (M, 2), a point every metre."""
+    """Centre line (M, 2) of a road, one point per metre."""
 
     line: Array
 
     @property
     def direction(self) -> Array:
-        """(M, 2) unit vectors."""
+        """Unit vectors (M, 2) along the road."""
         ahead = np.gradient(self.line, axis=0)
         return np.asarray(ahead / np.linalg.norm(ahead, axis=1, keepdims=True))
 
     @property
     def left(self) -> Array:
-        """(M, 2) unit vectors to the left of the direction."""
+        """Unit vectors (M, 2) to the left of the road."""
         return self.direction @ np.array([[0.0, 1.0], [-1.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """The line that the car drives, and its places: `way` [m] along it since the first frame, `left` [m] of it.
+    """The path of the car, with coordinates along it: travelled distance `way` [m] since the first frame, `left` [m].
 
-    road     that line; it begins `beyond` metres, but one, before the first frame
-    terrain  that it lies on
+    Attributes:
+        road: The path; it begins `beyond` - 1 metres before the first frame.
+        terrain: The terrain below it.
     """
 
     road: Road
@@ -45,12 +46,12 @@ class Course:
 
     @staticmethod
     def of(drive: Drive, terrain: Terrain, beyond: float) -> Course:
-        """The way of a drive, with `beyond` metres at either end."""
+        """Create the course of a drive, extended by `beyond` metres at both ends."""
         return Course(Road(driven_line(drive, beyond)), terrain, beyond)
 
     @cached_property
     def metres(self) -> Array:
-        """(M,) way of the points of the line."""
+        """Travelled distance (M,) at the points of the path."""
         return np.arange(len(self.road.line)) - (self.beyond - 1)
 
     @cached_property
@@ -63,7 +64,7 @@ class Course:
         return np.unwrap(np.arctan2(direction[:, 1], direction[:, 0]))
 
     def places(self, way: Array, left: Array | float) -> Array:
-        """(..., 2), of ways (...) and lefts that go with them."""
+        """Return the positions (..., 2) at distances `way` (...) and lateral offsets `left`."""
         middle, aside = (
             np.stack([np.interp(way, self.metres, line[:, axis]) for axis in (0, 1)], axis=-1)
             for line in (self.road.line, self._left)
@@ -71,17 +72,17 @@ class Course:
         return np.asarray(middle + np.asarray(left)[..., None] * aside)
 
     def heading(self, way: Array | float) -> Array:
-        """(...) radians."""
+        """Return the heading (...) [rad] at distances `way` (...)."""
         return np.asarray(np.interp(way, self.metres, self._heading))
 
     def laid(self, mesh: Mesh, way: float, left: float, turn: float = 0.0, rise: float = 0.0) -> Mesh:
-        """The mesh upright on the ground there and `rise` above it, its x axis `turn` [rad] from the way ahead."""
+        """Place a mesh upright, `rise` above the ground, with its x axis at `turn` [rad] from the heading."""
         x, y = self.places(np.array(way), left)
         return mesh.placed(x, y, float(self.terrain.height(x, y)) + rise, float(self.heading(way)) + turn)
 
 
 def driven_line(drive: Drive, beyond: float) -> Array:
-    """(M, 2): the way of the car, a point every metre, with `beyond` metres, but one, at either end."""
+    """Return the path of the car (M, 2), one point per metre, extended by `beyond` - 1 metres at both ends."""
     way = drive.way
     at = np.arange(0.0, way[-1], 1.0)
     moving = np.concatenate([[True], np.diff(way) > 1e-6])

@@ -1,4 +1,4 @@
-"""The built-in drives, by name."""
+"""Registry of the built-in drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What scenes for cars have in common: the ground, what stands on it, traffic."""
+"""Base class of scenes for cars: terrain, static objects, traffic."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from slam.simulation.traffic import Traffic
 
 
 class DrivenScene:
-    """See `Scene`. Subclasses build `standing` and `traffic`, when they are first looked at: that takes some seconds.
+    """A `Scene` for cars. Subclasses build `standing` and `traffic` on first use, which takes some seconds.
 
-    hills  how much of the terrain's rolling hills there is
+    Attributes:
+        hills: Amplitude of the terrain's hills.
     """
 
     hills = 1.0
@@ -30,26 +31,26 @@ class DrivenScene:
 
     @cached_property
     def standing(self) -> Parts:
-        """All that stands still."""
+        """All static objects."""
         raise NotImplementedError
 
     @cached_property
     def traffic(self) -> Traffic:
-        """All that moves."""
+        """All moving objects."""
         raise NotImplementedError
 
     def poses(self, height: float) -> Array:
-        """(N, 4, 4) T_world_lidar."""
+        """Return the poses (N, 4, 4) T_world_lidar of a LiDAR at a height above the ground [m]."""
         return self.terrain.poses(self.drive.position, self.drive.yaw, height, self._sway)
 
     def look(self, rng: np.random.Generator) -> Look:
-        """A time of day and its weather."""
+        """Draw time of day and weather."""
         return Look.of(rng)
 
     def around(self, place: Array, radius: float) -> Mesh:
-        """The parts of it that come within `radius` of a place."""
+        """Return the static objects within `radius` [m] of a place."""
         return self.standing.around(place, radius)
 
     def moving(self, index: int) -> list[Mesh]:
-        """Vehicles and people."""
+        """Return vehicles and people near the sensor in a frame."""
         return self.traffic.at(index)

@@ -1,4 +1,4 @@
-"""Where the car goes: the built-in drives, and drives along the poses of a file."""
+"""Trajectories of the car: the built-in drives, and drives along the poses of a file."""
 
 from __future__ import annotations
 
@@ -27,20 +27,21 @@ JUMP = 10.0  # metres between two poses that no car drives in a frame
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """N frames of a car, seen from above; the height of the ground under it comes from the terrain.
+    """N frames of a car in the plane; the height of the ground comes from the terrain.
 
-    name      of the drive
-    stamps    (N,) seconds
-    position  (N, 3) metres: x, y, and the height of the road there
-    yaw       (N,) radians, not wrapped
-    tunnel    from and to which way [m] the road runs through a tunnel, or None
-    jam       whether it is stuck in a queue of cars
-    scene     what it leads through, one of SCENES
-    period    metres of the way after which all that stands looks the same again, all the way; None: nothing repeats
-    path      T_world_sensor (K, 4, 4) at stamps (K,), where it is known between the frames too (a sensor carried by
-              hand); None: a constant velocity from frame to frame
-    height    of the LiDAR above the ground [m] unless another is asked for; None: the car's
-    rate      turns of the LiDAR a second: frames, unless they are `thinned` or `spacing` sets them
+    Attributes:
+        name: Name of the drive.
+        stamps: (N,) [s].
+        position: (N, 3) [m]: x, y, and the height of the road.
+        yaw: (N,) [rad], not wrapped.
+        tunnel: Travelled distances [m] at the ends of a tunnel, or None.
+        jam: Whether the car is in a traffic jam.
+        scene: Name of the scene, one of SCENES.
+        period: Distance [m] after which the static scene repeats, everywhere; None: nothing repeats.
+        path: T_world_sensor (K, 4, 4) at stamps (K,), if it is known between frames too (a hand-held sensor); None:
+            constant velocity between frames.
+        height: Default height of the LiDAR above the ground [m]; None: that of the car.
+        rate: Rotation rate of the LiDAR [Hz], which is the frame rate unless frames are `thinned` or set by `spacing`.
     """
 
     name: str
@@ -60,15 +61,15 @@ class Drive:
 
     @property
     def way(self) -> Array:
-        """(N,) metres driven since the first frame."""
+        """Travelled distance (N,) since the first frame [m]."""
         steps = np.linalg.norm(np.diff(self.position[:, :2], axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     def unobservable(self, reach: float) -> tuple[float, float] | None:
-        """From and to which way [m] nothing that stands within `reach` [m] tells how far along the road the car is.
+        """Return the travelled distances [m] between which the position along the road is unobservable, or None.
 
-        There the tunnel's ends are out of reach; its walls look the same everywhere. None: there is no such stretch.
-        What repeats with a `period` longer than a frame's step tells steps apart, but not one period from the next.
+        There both ends of the tunnel are farther than `reach` [m], and its walls look the same everywhere. A scene that
+        repeats with a `period` longer than a frame's step makes steps observable, but only modulo the period.
         """
         if self.tunnel is None or self.tunnel[1] - self.tunnel[0] <= 2 * reach:
             return None
@@ -76,31 +77,32 @@ class Drive:
 
 
 def built_in(name: str, spacing: float | None = None) -> Drive:
-    """One of DRIVES; `spacing` asks for a frame every so many metres instead of ten a second.
+    """Create one of DRIVES; `spacing` is the distance between frames [m], None for ten frames per second.
 
-    Raises InputError where there is none of that name.
+    Raises:
+        InputError: The name is unknown.
     """
     return DRIVES.load(name)(spacing)
 
 
 def loop(spacing: float | None = None) -> Drive:
-    """Once around a block, the first street again in the same direction, across, and a street in reverse."""
+    """Drive around a block, along the first street again, across, and along a street in the reverse direction."""
     corners = [(0, 0), (110, 0), (110, 58), (-12, 58), (-12, 0), (52, 0), (52, 58), (100, 58)]
     return _driven("loop", _lane(np.array(corners, float)), spacing)
 
 
 def straight(spacing: float | None = None) -> Drive:
-    """300 m of one street."""
+    """Drive 300 m along a street."""
     return _driven("straight", _lane(np.array([(0.0, 0.0), (300.0, 0.0)])), spacing)
 
 
 def tunnel(spacing: float | None = None) -> Drive:
-    """A street, 200 m of smooth tunnel that look the same everywhere, a street."""
+    """Drive along a street, through 200 m of a smooth tunnel that looks the same everywhere, and along a street."""
     return _driven("tunnel", _lane(np.array([(0.0, 0.0), (320.0, 0.0)])), spacing, tunnel=(60.0, 260.0))
 
 
 def jam(spacing: float | None = None) -> Drive:
-    """Half a minute of stop and go, 50 m of the way."""
+    """Drive half a minute in stop-and-go traffic, 50 m."""
     stamps = np.arange(350) / RATE
     speed = np.clip(1.6 + 2.2 * np.sin(0.45 * stamps) + 0.7 * np.sin(1.07 * stamps + 1.0), 0.0, None)
     path = _lane(np.array([(0.0, 0.0), (120.0, 0.0)]))
@@ -108,7 +110,7 @@ def jam(spacing: float | None = None) -> Drive:
 
 
 def crawl(spacing: float | None = None) -> Drive:
-    """Half a minute of crawling traffic, 20 m of the way: 0.02 to 0.2 m a frame, and three stops."""
+    """Drive half a minute in crawling traffic, 20 m: 0.02 to 0.2 m per frame, and three stops."""
     stamps = np.arange(320) / RATE
     speed = np.clip(0.55 + 1.25 * np.sin(0.55 * stamps + 0.4) + 0.1 * np.sin(1.3 * stamps), 0.0, 1.95)
     path = _lane(np.array([(0.0, 0.0), (120.0, 0.0)]))
@@ -116,7 +118,7 @@ def crawl(spacing: float | None = None) -> Drive:
 
 
 def motorway(spacing: float | None = None) -> Drive:
-    """480 m in the left of two lanes at 30 m/s, from the first frame on: gentle curves, and a rise and fall of 8 m."""
+    """Drive 480 m in the left of two lanes at 30 m/s from the first frame on: gentle curves, 8 m up and down."""
     way = 3.0 * np.arange(161)
     metre = np.arange(0.0, way[-1] + 1.0, SAMPLE_SPACING)
     path = _bending(np.sin(metre / 85.0) / 1100.0)
@@ -126,10 +128,10 @@ def motorway(spacing: float | None = None) -> Drive:
 
 
 def bridge(spacing: float | None = None) -> Drive:
-    """300 m of a straight bridge at 10 to 15 m/s, nothing else within a LiDAR's reach.
+    """Drive 300 m along a straight bridge at 10 to 15 m/s, with nothing else within the range of a LiDAR.
 
-    All that stands repeats every 36 m, the length of a span: two lamps. The posts of the railings, every 2 m, repeat
-    within it: steps of a frame, 1.0 to 1.5 m, can be taken for 2 m more or less where the lamps are not seen.
+    The static scene repeats every 36 m, the length of a span with two lamps. The posts of the railings repeat every
+    2 m: where no lamps are seen, the step of a frame, 1.0 to 1.5 m, is ambiguous by 2 m.
     """
     stamps = np.arange(240) / RATE
     speed = 12.5 + 2.3 * np.sin(0.5 * stamps)
@@ -138,7 +140,7 @@ def bridge(spacing: float | None = None) -> Drive:
 
 
 def lorries(spacing: float | None = None) -> Drive:
-    """135 m of a street at 8 m/s, past a row of parked lorries whose sides are 3.7 m beside the car, between houses."""
+    """Drive 135 m along a street at 8 m/s, between houses, past parked lorries whose sides are 3.7 m from the car."""
     stamps = np.arange(170) / RATE
     return _along(
         "lorries", _bending(np.zeros(800)), stamps, _way(8.0 + 0.4 * np.sin(stamps)), spacing, scene="lorries"
@@ -146,7 +148,7 @@ def lorries(spacing: float | None = None) -> Drive:
 
 
 def traffic(spacing: float | None = None) -> Drive:
-    """280 m of an avenue at 8 to 14 m/s, in dense traffic: every third echo comes from vehicles as fast as the car."""
+    """Drive 280 m along an avenue at 8 to 14 m/s in dense traffic: a third of the echoes is from moving vehicles."""
     stamps = np.arange(250) / RATE
     speed = 11.0 + 2.5 * np.sin(0.4 * stamps - 0.8)
     path = _bending(np.sin(np.arange(1400) * SAMPLE_SPACING / 60.0) / 700.0)
@@ -154,19 +156,21 @@ def traffic(spacing: float | None = None) -> Drive:
 
 
 def thinned(drive: Drive, every: int) -> Drive:
-    """The first of every so many frames, at their times."""
+    """Keep every `every`-th frame, with its stamp."""
     return replace(drive, stamps=drive.stamps[::every], position=drive.position[::every], yaw=drive.yaw[::every])
 
 
 def from_file(path: Path, spacing: float | None = None) -> Drive:
-    """Along the poses of a KITTI or TUM file, ten a second or as TUM's stamps say; `spacing` as in `built_in`.
+    """Create a drive along the poses of a KITTI file, at ten per second, or of a TUM file; `spacing` as in `built_in`.
 
-    Whether the poses are a camera's (z forward) or a LiDAR's (x forward) shows in the direction that they move in.
-    Raises InputError where the file is not a trajectory, stands still, or jumps.
+    The direction of motion shows whether the poses are of a camera (z forward) or of a LiDAR (x forward).
+
+    Raises:
+        InputError: The file is not a trajectory, stands still, or jumps.
     """
     stamps, poses = read_poses(path)
     if len(poses) < 2:
-        raise InputError(f"{path}: one pose is no drive; at least two are needed")
+        raise InputError(f"{path}: has one pose; at least two are needed")
     steps = np.diff(poses[:, :3, 3], axis=0)
     length = np.linalg.norm(steps, axis=1)
     if (length > JUMP).any():
@@ -279,8 +283,7 @@ def _spaced(drive: Drive, spacing: float | None) -> Drive:
 
 
 def at_rate(drive: Drive, rate: float) -> Drive:
-    """The same way in the same time, with so many frames a second: along its `path`, else smoothly between its frames,
-    which it passes, and never back and forth."""
+    """Resample a drive to `rate` frames per second: along its `path`, or else by a monotone interpolation."""
     stamps = np.arange(drive.stamps[0], drive.stamps[-1] + 0.01 / rate, 1 / rate)
     stamps = np.minimum(stamps, drive.stamps[-1])
     position, yaw = (np.asarray(PchipInterpolator(drive.stamps, of)(stamps)) for of in (drive.position, drive.yaw))

@@ -1,4 +1,4 @@
-"""Which code made a simulation: a digest of what can change its bytes, and of nothing else."""
+"""Fingerprint of the code of a simulation: a digest of everything that can change its bytes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NUMERICS = tuple(
 
 
 def fingerprint(*modules: str) -> str:
-    """Sixteen hex digits: of the code of these modules and of all of the simulator that they import, directly or not.
+    """Return 16 hex digits of the code of these modules and of all simulator modules that they import, recursively.
 
     Comments, docstrings, annotations and layout do not count, nor do scenes that are not imported.
     """
@@ -39,7 +39,7 @@ def _imported(modules: list[str]) -> dict[str, ast.Module]:
 
 
 def _imports(tree: ast.Module) -> list[str]:
-    """Of `from a import b`, a and perhaps a.b."""
+    """Modules imported by a syntax tree: for `from a import b`, a and possibly a.b."""
     found = []
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module:

@@ -1,4 +1,4 @@
-"""How the built-in LiDARs turn, how far they see and how wrong they are.
+"""Models of the built-in LiDARs: rotation, range and errors.
 
 Where no other source is named, figures were measured on KITTI's raw drives 0005 and 0013.
 """
@@ -36,17 +36,19 @@ PACE = 10.0  # turns a second for which `columns` are given
 
 @dataclass(frozen=True)
 class Head:
-    """One model of LiDAR.
+    """Model of a LiDAR.
 
-    columns      pulses of each laser in a turn, at ten turns a second
-    nearest      and `farthest`: the ranges that it reports [m]
-    asphalt      distance [m] at which half of the pulses are lost that graze a road from a car's roof
-    encoder      step [rad] of the angles that it reports; the pulses themselves come evenly
-    laser_sigma  metres: of a laser's constant range error
-    pulse_sigma  metres: of the error of each pulse
-    together     its lasers fire at once, in so many columns a turn at any rate; otherwise one after the other, in a
-                 cycle that lasts as long at any rate
-    hidden       of its view by its own car: rows as in KITTI_CAR
+    Attributes:
+        columns: Pulses of each laser per revolution, at 10 Hz.
+        nearest: Minimum reported range [m].
+        farthest: Maximum reported range [m].
+        asphalt: Distance [m] at which half of the pulses from a car's roof on the road are lost.
+        encoder: Step of the reported angles [rad]; the pulses themselves are evenly spaced.
+        laser_sigma: Standard deviation of the constant range error of a laser [m].
+        pulse_sigma: Standard deviation of the range error of a pulse [m].
+        together: All lasers fire at once, with the same number of columns at any rate; otherwise one after the other,
+            in a cycle of constant duration.
+        hidden: Parts of the field of view blocked by the car, rows as in KITTI_CAR.
     """
 
     columns: int
@@ -75,7 +77,7 @@ HEADS = {
 
 @dataclass(frozen=True, eq=False)
 class Lidar:
-    """A LiDAR that turns: the lines of its lasers, the rest of its model, and its turns a second."""
+    """A spinning LiDAR: its laser lines, its model, and its rotation rate [Hz]."""
 
     sensor: Sensor
     head: Head
@@ -83,14 +85,14 @@ class Lidar:
 
     @staticmethod
     def of(name: str, rate: float = PACE) -> Lidar:
-        """One of HEADS."""
+        """Create a LiDAR from HEADS."""
         return Lidar(load_sensor(name), HEADS[name], rate)
 
     @property
     def columns(self) -> int:
-        """Pulses of each laser in a turn."""
+        """Pulses of each laser per revolution."""
         return self.head.columns if self.head.together else round(self.head.columns * PACE / self.rate)
 
     def unhidden(self) -> Lidar:
-        """The same with a free view, away from KITTI's car."""
+        """Return the LiDAR with an unblocked field of view, as if not mounted on KITTI's car."""
         return replace(self, head=replace(self.head, hidden=()))

@@ -1,7 +1,8 @@
-"""Which rays the camera casts: through its pixels, towards the sun and the sky, and mirrored by glossy surfaces.
-Nothing but @njit here, for numba's cache does not see a change in another file.
+"""Kernels for the rays of the camera: through pixels, towards the sun and the sky, and mirrored by glossy surfaces.
 
-N pixels, row after row. A pixel's ray has the camera's z component 1, so a reach along it is a depth.
+This file holds @njit functions only, with all that they call: numba's cache does not see changes in other files.
+
+N pixels, row by row. A pixel's ray has the camera's z component 1, so a reach along it is a depth.
 """
 
 import math
@@ -26,7 +27,7 @@ def _lifted(i, rays, reach, normal, origin):
 
 @njit(cache=True, nogil=True)
 def turned(rays, R):
-    """R (3, 3) times each of rays (N, 3) float32. (numpy's product takes fifty times as long for so thin a matrix.)"""
+    """Rotate rays (N, 3) float32 by R (3, 3); numpy's product takes fifty times as long for such a thin matrix."""
     out = np.empty_like(rays)
     for i in range(len(rays)):
         for axis in range(3):
@@ -36,7 +37,7 @@ def turned(rays, R):
 
 @njit(cache=True, nogil=True)
 def incidence(rays, normal):
-    """(N,) float32: the cosine of the angle between rays and normals (N, 3) of unit length, on whichever side."""
+    """Compute the absolute cosine (N,) float32 of the angle between rays and unit normals (N, 3)."""
     out = np.empty(len(rays), np.float32)
     for i in range(len(rays)):
         out[i] = abs(rays[i, 0] * normal[i, 0] + rays[i, 1] * normal[i, 1] + rays[i, 2] * normal[i, 2])
@@ -45,7 +46,7 @@ def incidence(rays, normal):
 
 @njit(cache=True, nogil=True)
 def face_camera(normal, rays):
-    """Turns normals (N, 3), in place, to the side that rays (N, 3) come from."""
+    """Flip normals (N, 3), in place, to the side that rays (N, 3) come from."""
     for i in range(len(rays)):
         if normal[i, 0] * rays[i, 0] + normal[i, 1] * rays[i, 1] + normal[i, 2] * rays[i, 2] > 0.0:
             normal[i, 0], normal[i, 1], normal[i, 2] = -normal[i, 0], -normal[i, 1], -normal[i, 2]
@@ -53,7 +54,7 @@ def face_camera(normal, rays):
 
 @njit(cache=True, nogil=True)
 def sun_rays(rays, reach, triangle, normal, origin, order, width, sun):
-    """Every second pixel (M,), as on a chessboard, if it faces the sun, and where its ray towards it starts (M, 3)."""
+    """Select every second pixel (M,), as on a chessboard, that faces the sun, and the origin of its sun ray (M, 3)."""
     pixels = np.empty(len(rays), np.int32)
     count = 0
     for i in order:
@@ -70,13 +71,13 @@ def sun_rays(rays, reach, triangle, normal, origin, order, width, sun):
 
 @njit(cache=True, nogil=True)
 def second_of_two(i, triangle):
-    """Whether a pixel is an odd one on the triangle of the one before."""
+    """Check whether a pixel is odd and on the same triangle as the one before."""
     return i % 2 == 1 and triangle[i] == triangle[i - 1]
 
 
 @njit(cache=True, nogil=True)
 def double(mirrored, triangle):
-    """Give seconds of two what the first mirrors, in place."""
+    """Copy the mirrored triangle of the first to the second of two pixels, in place."""
     for i in range(1, len(mirrored), 2):
         if triangle[i] == triangle[i - 1]:
             mirrored[i] = mirrored[i - 1]
@@ -84,9 +85,9 @@ def double(mirrored, triangle):
 
 @njit(cache=True, nogil=True)
 def mirror_rays(rays, reach, triangle, normal, origin, order, material, gloss):
-    """Pixels (M,) of materials with gloss, where their mirrored rays start (M, 3) and whither they go (M, 3).
+    """Compute mirrored rays: pixels (M,) of glossy materials, origins (M, 3) and directions (M, 3).
 
-    Of two neighbours on one triangle, the second has no ray: `second_of_two` says which they are.
+    The second of two neighbours on one triangle has no ray, see `second_of_two`.
     """
     pixels = np.empty(len(rays), np.int32)
     count = 0
@@ -106,9 +107,11 @@ def mirror_rays(rays, reach, triangle, normal, origin, order, material, gloss):
 
 @njit(cache=True, nogil=True)
 def sky_rays(rays, reach, triangle, normal, origin, width, step):
-    """Four rays towards the sky from every `step`-th pixel both ways: cells (M,) of that coarse grid, four in a row the
-    same, where the rays start (M, 3) and whither (M, 3). Four neighbouring cells share out 16 directions over the
-    hemisphere, as many towards each part of it as light from there counts (by the cosine)."""
+    """Compute four rays towards the sky from every `step`-th pixel in both axes.
+
+    Four neighbouring cells share 16 directions, distributed over the hemisphere by the cosine. Returns the cells (M,)
+    of the coarse grid, each four times, origins (M, 3) and directions (M, 3).
+    """
     rows, columns = len(rays) // width // step, width // step
     cells = np.empty(4 * rows * columns, np.int32)
     start, direction = np.empty((len(cells), 3)), np.empty((len(cells), 3), np.float32)

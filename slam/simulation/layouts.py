@@ -1,4 +1,4 @@
-"""What a simulated drive looks like on disk: KITTI's odometry benchmark, or a folder of scans with stamped points."""
+"""Layouts of a simulated sequence on disk: KITTI's odometry benchmark, or a folder of scans with stamped points."""
 
 from __future__ import annotations
 
@@ -26,25 +26,30 @@ FIELDS = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"
 
 
 class Layout(Protocol):
-    """Where the parts of a simulation go, and in what form."""
+    """Layout of the files of a simulation."""
 
     def files(self, number: int) -> dict[str, Path]:
-        """The files of a frame by the fields of `SimulatedFrame`, in the order in which they are written: the scan, the
-        last, says that the frame is whole."""
+        """Return the files of a frame by the fields of `SimulatedFrame`, in the order of writing.
+
+        The scan is the last one and marks the frame as complete.
+        """
         ...
 
     def write(self, frame: SimulatedFrame, number: int) -> None:
-        """The files of one frame. Raises InputError where one cannot be written."""
+        """Write the files of one frame.
+
+        Raises:
+            InputError: A file cannot be written.
+        """
         ...
 
     def write_surroundings(self, rig: Rig, stamps: Array) -> None:
-        """All but the frames: calibration, sensor, stamps and true poses of the whole drive; `stamps` (N,) [s] are of
-        mid-sweep."""
+        """Write calibration, sensor, stamps and true poses of the sequence; `stamps` (N,) [s] are at mid-sweep."""
         ...
 
 
 class KittiLayout:
-    """KITTI's odometry benchmark: stamps and poses, of camera 0, at mid-sweep; points ring after ring."""
+    """KITTI's odometry benchmark: stamps and camera-0 poses at mid-sweep, points ring by ring."""
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._sequence = folder, folder / "sequences" / SEQUENCE
@@ -78,10 +83,10 @@ class KittiLayout:
 
 
 class FolderLayout:
-    """Scans as .pcd with rings and times, in the order in which the points were seen; see `UserFolder`.
+    """Scans as .pcd with ring and time, in the order of measurement; see `UserFolder`.
 
     A sweep begins where the head points to the rear. The clock starts with the first sweep. poses.txt has
-    T_world_lidar at the stamps, the LiDAR's poses at that instant of each sweep; images are of mid-sweep.
+    T_world_lidar at the stamps; images are of mid-sweep.
     """
 
     def __init__(self, folder: Path, period: float, stamp: str) -> None:

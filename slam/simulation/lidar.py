@@ -1,4 +1,4 @@
-"""Scans of a spinning LiDAR: one ray for every pulse, and what becomes of its echo.
+"""Scans of a spinning LiDAR: one ray per pulse, and a model of its echo.
 
 Where no other source is named, figures were measured on KITTI's raw drives 0005 and 0013.
 """
@@ -33,13 +33,14 @@ _REFLECTANCE, _RETROREFLECT, _LOST = (
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """The N points of one turn, ring after ring from the top, each counter-clockwise from +x: KITTI's file order.
+    """The N points of one revolution, ring by ring from the top, each counter-clockwise from +x: KITTI's file order.
 
-    xyz          (N, 3) float32 metres, in the frame that the sensor had when it saw them
-    reflectance  (N,) float32
-    ring         (N,) uint16, 0 = top
-    fraction     (N,) float32 of the sweep when each was seen: 0 where the head points to the rear, from where it turns
-                 over the left and the front (1/2) to the right
+    Attributes:
+        xyz: (N, 3) float32 [m], in the sensor frame at the time of each point.
+        reflectance: (N,) float32.
+        ring: (N,) uint16, 0 = top.
+        fraction: (N,) float32, fraction of the sweep at each point: 0 where the head points to the rear, from where it
+            turns over the left and the front (1/2) to the right.
     """
 
     xyz: Array
@@ -50,13 +51,15 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class _Pulses:
-    """R lasers times C columns, in the order of a `Scan`.
+    """Pulses of R lasers x C columns, in the order of a `Scan`.
 
-    azimuth    (R, C) float32, 0..2 pi
-    fraction   (R, C) float32 of the sweep
-    direction  (R, C, 3) float32, of unit length, in the frame of the sensor at that instant
-    reach      (R, C) float32: metres to what it meets, inf where it meets nothing
-    material   (R, C) of that; `incidence` (R, C) the cosine of the angle to its normal
+    Attributes:
+        azimuth: (R, C) float32, 0..2 pi.
+        fraction: (R, C) float32, fraction of the sweep.
+        direction: (R, C, 3) float32 unit vectors, in the sensor frame at that instant.
+        reach: (R, C) float32, distance of the hit [m], inf without a hit.
+        material: (R, C), material of the hit.
+        incidence: (R, C), cosine of the angle to the normal of the hit.
     """
 
     azimuth: Array
@@ -68,7 +71,7 @@ class _Pulses:
 
 
 def scan(world: World, lidar: Lidar, sweep: Sweep, rng: np.random.Generator) -> Scan:
-    """One turn as recorded. Whatever the world is, the same count of random numbers is drawn."""
+    """Simulate one revolution as recorded. The number of random draws does not depend on the world."""
     head, sensor, lasers = lidar.head, lidar.sensor, _Lasers(lidar)
     shape = (sensor.ring_count, lidar.columns)
     turn = rng.random()
@@ -92,7 +95,7 @@ def scan(world: World, lidar: Lidar, sweep: Sweep, rng: np.random.Generator) -> 
 
 
 def exact_scan(world: World, lidar: Lidar, sweep: Sweep) -> Scan:
-    """The same without noise: every pulse that meets something within range, where it meets it."""
+    """Simulate one revolution without noise: the exact hit of every pulse within range."""
     head = lidar.head
     pulses = _cast(world, lidar, sweep, _Lasers(lidar).phase)
     seen = (pulses.reach > head.nearest) & (pulses.reach < head.farthest)
@@ -103,11 +106,12 @@ def exact_scan(world: World, lidar: Lidar, sweep: Sweep) -> Scan:
 
 
 class _Lasers:
-    """What is different from laser to laser and stays so, (R, 1) each: one instrument, whatever is simulated.
+    """Constant deviations of the lasers, (R, 1) each: the same instrument in every simulation.
 
-    phase        of its pulses within a column, 0..1
-    range_error  metres
-    shade        error of its reflectances, mostly small, of some lasers far too dark
+    Attributes:
+        phase: Phase of the pulses within a column, 0..1.
+        range_error: Range error [m].
+        shade: Error of the reflectances, mostly small, large and negative for some lasers.
     """
 
     def __init__(self, lidar: Lidar) -> None:

@@ -1,4 +1,4 @@
-"""What surfaces are made of, as a LiDAR and a camera see them."""
+"""Materials of surfaces: their properties for LiDAR and camera."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slam.data.cloud import Array
 
 
 class Pattern(IntEnum):
-    """How the colour of a surface varies from place to place."""
+    """Texture of a surface."""
 
     PLAIN = 0
     SPECKLE = 1  # fine grain: asphalt, plaster, bark
@@ -21,15 +21,17 @@ class Pattern(IntEnum):
 
 
 class Material(NamedTuple):
-    """One kind of surface.
+    """Material of a surface.
 
-    name          as used by the parts of a scene
-    colour        albedo, RGB 0..255, where a part does not say another
-    reflectance   of a LiDAR's pulse at normal incidence, 0..1, as KITTI's fourth column has it
-    retroreflect  share of the reflectance that comes back at any incidence (signs, plates, road paint)
-    lost          share of the pulses that never come back: through glass, off dark paint, between leaves
-    gloss         share of the sky that the camera sees mirrored
-    pattern       of the camera's texture, and its `contrast` 0..1
+    Attributes:
+        name: Name used by the parts of a scene.
+        colour: Default albedo, RGB 0..255.
+        reflectance: Reflectance of a LiDAR pulse at normal incidence, 0..1, as in KITTI's fourth column.
+        retroreflect: Share of the reflectance that is independent of incidence (signs, plates, road paint).
+        lost: Share of the pulses without an echo: through glass, off dark paint, between leaves.
+        gloss: Share of the sky that the camera sees mirrored.
+        pattern: Texture for the camera.
+        contrast: Contrast of the texture, 0..1.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Triangles with a material and a colour each, and the few shapes that a town is built from."""
+"""Triangle meshes with material and colour, and the basic shapes that scenes are built from."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ _HALVES = np.array([[0, 1, 2], [0, 2, 3]], np.int32)  # corners of the two trian
 class Mesh:
     """T triangles over V vertices, z up; both sides of a triangle are solid.
 
-    vertices   (V, 3) float64, metres
-    triangles  (T, 3) int32, indices of vertices
-    material   (T,) uint8, indices of MATERIALS
-    colour     (T, 3) uint8, albedo
+    Attributes:
+        vertices: (V, 3) float64 [m].
+        triangles: (T, 3) int32, indices of vertices.
+        material: (T,) uint8, indices of MATERIALS.
+        colour: (T, 3) uint8, albedo.
     """
 
     vertices: Array
@@ -33,7 +34,7 @@ class Mesh:
 
     @staticmethod
     def of(vertices: Array, triangles: Array, material: str, colour: Colour | None = None) -> Mesh:
-        """All of one material, in its own colour or another."""
+        """Create a mesh of one material, in its default colour or another."""
         triangles = np.asarray(triangles, np.int32).reshape(-1, 3)
         own = COLOURS[INDEX[material]] if colour is None else np.array(colour, np.uint8)
         return Mesh(
@@ -47,17 +48,17 @@ class Mesh:
         return len(self.triangles)
 
     def moved(self, T: Array) -> Mesh:
-        """Mapped by T (4, 4), rigid or scaled."""
+        """Transform the mesh by T (4, 4), rigid or scaled."""
         return replace(self, vertices=self.vertices @ T[:3, :3].T + T[:3, 3])
 
     def placed(self, x: float, y: float, z: float, yaw: float = 0.0, scale: float = 1.0) -> Mesh:
-        """Scaled, turned by `yaw` [rad] about z, then moved."""
+        """Scale the mesh, rotate it by `yaw` [rad] about z, then translate it."""
         c, s = scale * np.cos(yaw), scale * np.sin(yaw)
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, scale]])
         return replace(self, vertices=self.vertices @ turn.T + [x, y, z])
 
     def select(self, mask: Array) -> Mesh:
-        """The triangles of a boolean mask or of indices; vertices that none of them uses are left out."""
+        """Select triangles by a boolean mask or by indices, without unused vertices."""
         used, triangles = np.unique(self.triangles[mask], return_inverse=True)
         return Mesh(
             self.vertices[used],
@@ -68,7 +69,7 @@ class Mesh:
 
 
 def joined(meshes: Iterable[Mesh]) -> Mesh:
-    """One mesh of several; of none, an empty one."""
+    """Join meshes into one; an empty one for none."""
     parts = list(meshes)
     if not parts:
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.uint8), np.zeros((0, 3), np.uint8))
@@ -82,25 +83,25 @@ def joined(meshes: Iterable[Mesh]) -> Mesh:
 
 
 def quads(corners: Array, material: str, colour: Colour | None = None) -> Mesh:
-    """Flat or nearly flat quadrilaterals from their corners (N, 4, 3), in order around each."""
+    """Create flat or nearly flat quadrilaterals from their corners (N, 4, 3), in order around each."""
     corners = np.asarray(corners, np.float64).reshape(-1, 4, 3)
     first = 4 * np.arange(len(corners), dtype=np.int32)[:, None, None]
     return Mesh.of(corners, first + _HALVES, material, colour)
 
 
 def grid(points: Array, material: str, colour: Colour | None = None) -> Mesh:
-    """A surface through points (R, C, 3), two triangles a cell, row after row."""
+    """Create a surface through points (R, C, 3), with two triangles per cell, row by row."""
     rows, columns = points.shape[:2]
     return Mesh.of(points, _cells(np.arange(rows * columns).reshape(rows, columns)), material, colour)
 
 
 def fan(outline: Array, material: str, colour: Colour | None = None) -> Mesh:
-    """The face inside a convex outline (N, 3), all its triangles around the first corner."""
+    """Create the face inside a convex outline (N, 3), with all triangles around the first corner."""
     return Mesh.of(outline, _around_first(np.arange(len(outline))), material, colour)
 
 
 def loft(outlines: Array, material: str, colour: Colour | None = None) -> Mesh:
-    """A closed skin over convex outlines (R, C, 3), one after the other, with a fan at either end."""
+    """Create a closed surface over consecutive convex outlines (R, C, 3), with a fan at both ends."""
     rows, columns = outlines.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
     skin = _cells(np.column_stack([index, index[:, 0]]))
@@ -109,7 +110,7 @@ def loft(outlines: Array, material: str, colour: Colour | None = None) -> Mesh:
 
 
 def box(size: tuple[float, float, float], material: str, colour: Colour | None = None) -> Mesh:
-    """Of that length (x), width (y) and height, standing on the origin."""
+    """Create a box of a length (x), width (y) and height that stands on the origin."""
     length, width, height = size
     x, y = length / 2, width / 2
     foot = np.array([[-x, -y, 0], [x, -y, 0], [x, y, 0], [-x, y, 0]])
@@ -117,12 +118,12 @@ def box(size: tuple[float, float, float], material: str, colour: Colour | None =
 
 
 def prism(outline: Array, height: float, material: str, colour: Colour | None = None) -> Mesh:
-    """A convex outline (N, 3), counter-clockwise, drawn up by `height`, with top and bottom."""
+    """Create a prism over a convex, counter-clockwise outline (N, 3), extruded by `height`."""
     return loft(np.stack([outline, outline + np.array([0, 0, height])]), material, colour)
 
 
 def cylinder(radii: ArrayLike, points: ArrayLike, sides: int, material: str, colour: Colour | None = None) -> Mesh:
-    """A closed tube of `sides` faces around a line of points (P, 3) that rises or bends, with a radius (P,) at each."""
+    """Create a closed tube of `sides` faces around a polyline of points (P, 3), with a radius (P,) at each."""
     points = np.asarray(points, np.float64)
     axis = np.gradient(points, axis=0)
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""How a part of the town gets its colours, and whatever else is one of several."""
+"""Random choice of colours and variants."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Choice = TypeVar("Choice")
 
 
 def pick(rng: np.random.Generator, choices: Sequence[Choice]) -> Choice:
-    """One of them, all equally likely."""
+    """Draw one of the choices uniformly."""
     return choices[int(rng.integers(len(choices)))]
 
 
 def shade(rng: np.random.Generator, colours: Sequence[Colour]) -> Colour:
-    """One of them, a little lighter or darker, warmer or colder."""
+    """Draw one of the colours, with a small random change of brightness and hue."""
     shade = np.array(pick(rng, colours)) * rng.uniform(0.93, 1.07) + rng.uniform(-5, 5, 3)
     red, green, blue = np.clip(shade, 0, 255).astype(int).tolist()
     return red, green, blue

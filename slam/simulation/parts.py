@@ -1,4 +1,4 @@
-"""What stands still, in parts, of which those near a place are asked for."""
+"""Static objects, stored in parts that can be selected by position."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slam.simulation.mesh import Mesh, joined
 
 
 class Parts:
-    """Meshes, each of things that lie close together."""
+    """Meshes, each of objects that are close to each other."""
 
     def __init__(self, parts: Iterable[Mesh]) -> None:
         self._parts = list(parts)
@@ -23,6 +23,6 @@ class Parts:
         return sum(len(part) for part in self._parts)
 
     def around(self, place: Array, radius: float) -> Mesh:
-        """All parts that come within `radius` [m] of a place (2,)."""
+        """Return all parts within `radius` [m] of a place (2,)."""
         near = np.linalg.norm(self._middle - place, axis=1) < radius + self._reach
         return joined(self._parts[index] for index in np.flatnonzero(near))

@@ -1,4 +1,4 @@
-"""A car with a LiDAR and a camera that drives through its scene, frame by frame."""
+"""The sensor rig, a LiDAR and a camera, that moves through a scene frame by frame."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PARTS = 12  # of a sweep along a path that is known between the frames: at 10 Hz
 
 @dataclass(frozen=True)
 class Mount:
-    """How a LiDAR is mounted: `height` above the ground [m], None for the drive's own, and `tilt` [rad], nose down."""
+    """Mounting of a LiDAR: `height` above the ground [m], None for the drive's default; `tilt` [rad], positive down."""
 
     height: float | None = None
     tilt: float = 0.0
@@ -34,11 +34,13 @@ class Mount:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedFrame:
-    """What the car recorded in one frame, and the truth where that was asked for.
+    """One recorded frame, with exact data on request.
 
-    scan, exact   as they were seen; `exact` by 64 channels without any error
-    image         (H, W, 3) uint8 RGB, taken at mid-sweep, None without a camera
-    depth         (H, W) float32: z [m] in the camera's frame, 0 = sky
+    Attributes:
+        scan: The recorded scan.
+        exact: Scan of 64 channels without errors, or None.
+        image: (H, W, 3) uint8 RGB at mid-sweep, None without a camera.
+        depth: (H, W) float32, z in the camera frame [m], 0 = sky, or None.
     """
 
     scan: Scan
@@ -48,13 +50,15 @@ class SimulatedFrame:
 
 
 class Rig:
-    """The scene around a drive, and the car in it.
+    """The scene of a drive, and the sensor rig in it.
 
-    scene            all that the car sees
-    lidar            and `distort`: whether it moves during a sweep
-    poses            (N, 4, 4) T_world_lidar at mid-sweep, when the image is taken too
-    T_camera0_lidar  (4, 4): the camera stays level when the LiDAR is tilted
-    calibration      the camera's
+    Attributes:
+        scene: The scene.
+        lidar: The LiDAR.
+        distort: Whether it moves during a sweep.
+        poses: (N, 4, 4) T_world_lidar at mid-sweep, when the image is taken too.
+        T_camera0_lidar: (4, 4); the camera stays level when the LiDAR is tilted.
+        calibration: Calibration of the camera.
     """
 
     def __init__(
@@ -82,7 +86,7 @@ class Rig:
         self._block: tuple[int, StandingWorld] | None = None
 
     def frame(self, index: int) -> SimulatedFrame:
-        """The same whichever frames were asked for before."""
+        """Simulate a frame; it does not depend on the frames simulated before."""
         world = World(self._standing(self.stretch(index)), self.scene.moving(index))
         rng = np.random.default_rng([self._seed, 3, index])
         sweep = self.sweep(index)
@@ -97,10 +101,10 @@ class Rig:
         )
 
     def sweep(self, index: int) -> Sweep:
-        """How the LiDAR moves in a frame's sweep.
+        """Return the motion of the LiDAR during the sweep of a frame.
 
-        Not at all for a scan without distortion; along the path of a drive that has one; else at the velocity between
-        the poses before and after.
+        There is none without distortion; otherwise it follows the path of the drive if there is one, or else the
+        velocity between the poses before and after.
         """
         pose, drive = self.poses[index], self._drive
         if not self.distort:
@@ -117,11 +121,11 @@ class Rig:
         return Sweep.along(way)
 
     def stretch(self, index: int) -> int:
-        """The number of the stretch of the way whose frames share one standing world."""
+        """Return the number of the section of the path whose frames share one static world."""
         return int(self._drive.way[index] // BLOCK)
 
     def _standing(self, block: int) -> StandingWorld:
-        """What stands around the frames of a stretch of the way."""
+        """The static world around the frames of a section of the path."""
         if self._block is None or self._block[0] != block:
             self._block = None  # frees the old one first
             frames = self._drive.position[self._drive.way // BLOCK == block, :2]

@@ -1,4 +1,4 @@
-"""What a drive leads through."""
+"""Interface of scenes."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from slam.simulation.mesh import Mesh
 
 
 class Scene(Protocol):
-    """All that stands and moves around a drive. Its factory takes (drive, seed, rng); equal ones give equal scenes."""
+    """Static and moving objects around a drive; its factory (drive, seed, rng) is deterministic."""
 
     def poses(self, height: float) -> Array:
-        """(N, 4, 4) T_world_lidar at mid-sweep, of a LiDAR that far [m] above the ground, its x axis ahead."""
+        """Return T_world_lidar (N, 4, 4) at mid-sweep, for a LiDAR `height` [m] above the ground, x forward."""
         ...
 
     def look(self, rng: np.random.Generator) -> Look:
-        """In which light a camera sees it."""
+        """Draw the light for the camera."""
         ...
 
     def around(self, place: Array, radius: float) -> Mesh:
-        """All that stands within `radius` [m] of a place (2,), and perhaps more."""
+        """Return all static objects within `radius` [m] of a place (2,), and possibly more."""
         ...
 
     def moving(self, index: int) -> list[Mesh]:
-        """What moves near the sensor in that frame of the drive."""
+        """Return the moving objects near the sensor in a frame."""
         ...
 
 

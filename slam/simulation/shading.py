@@ -1,10 +1,11 @@
-"""The light that each pixel sees, and the picture that becomes of it. Nothing but @njit here, for numba's cache does
-not see a change in another file.
+"""Kernels of shading: the light of each pixel, and the developed image.
 
-N pixels, row after row. Light is linear, RGB; `air` (5, 3) holds the direction towards the sun, then the colours of its
-light on a surface that faces it, of the sky at the zenith and at the horizon, and of the light that the ground gives
-back. The picture is shaded row by row: what belongs together is gathered into arrays of a row's length, and simple
-loops over these, which the compiler turns into vector instructions, do the work.
+This file holds @njit functions only, with all that they call: numba's cache does not see changes in other files.
+
+N pixels, row by row. Light is linear RGB; `air` (5, 3) holds the direction towards the sun and the colours of sunlight
+on a surface that faces it, of the sky at the zenith and at the horizon, and of the light that the ground reflects. The
+image is shaded by rows: pixels of the same kind are gathered into arrays of a row's length, and simple loops over
+these, which the compiler vectorises, compute their light.
 """
 
 import math
@@ -123,7 +124,7 @@ def _level(nz):
 
 @njit(inline="always")
 def _kind(pattern, nz):
-    """Of texture: 0 none, 1 speckle, 2 blotches on level ground, 3 blotches in space, 4 bricks, 5 tiles."""
+    """Kind of texture: 0 none, 1 speckle, 2 blotches on level ground, 3 blotches in space, 4 bricks, 5 tiles."""
     if pattern == _BLOTCHES:
         return 2 if _level(nz) else 3
     return pattern + 1 if pattern >= _BRICKS else pattern
@@ -131,8 +132,10 @@ def _kind(pattern, nz):
 
 @njit(fastmath=True, error_model="numpy")
 def _to_wall(points, count):
-    """Places on walls, in place: along the wall, and up it. The wall's own axes; the level one in coarse steps, for
-    normals of its triangles differ in their last digits."""
+    """Convert points on walls, in place, to coordinates along the wall and up it.
+
+    The horizontal axis of a wall is rounded, since the normals of its triangles differ in their last digits.
+    """
     for i in range(count):
         nx, ny, nz = points[_NX, i], points[_NY, i], points[_NZ, i]
         if not _level(nz):
@@ -245,8 +248,11 @@ def _centre(row, column, width, step):
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def smooth_cells(openness, reach, triangle, normal, width, step):
-    """Each cell's share of open sky (rows, columns) averaged with those of its neighbours on the same surface, so that
-    all 16 directions count the same; and (rows - 1, columns - 1) whether four neighbouring cells are of one surface."""
+    """Average each cell's share of open sky (rows, columns) with its neighbours on the same surface.
+
+    So all 16 directions have equal weight. Also returns (rows - 1, columns - 1), whether four neighbouring cells are on
+    one surface.
+    """
     rows, columns = openness.shape
     smoothed = np.ones_like(openness)
     for row in range(rows):
@@ -277,8 +283,7 @@ def smooth_cells(openness, reach, triangle, normal, width, step):
 
 @njit(fastmath=True, error_model="numpy")
 def _openness(open_sky, weights, row, openness, uniform, reach, triangle, normal, step):
-    """Share of open sky at each pixel of a row, into open_sky (W,): from the four cells around, those on the same
-    surface."""
+    """Share of open sky at each pixel of a row, into open_sky (W,), from the four cells around on the same surface."""
     rows, columns, width = openness.shape[0], openness.shape[1], len(open_sky)
     y = (row - step // 2) * (1.0 / step)
     r = min(max(np.int64(y), 0), rows - 2)
@@ -450,7 +455,7 @@ def shade(
     sunlit, mirrored, openness, uniform, step,  # (N,) 0..1, (N,) the triangle or -1, two of smooth_cells
     air, haze, cover, layer,
 ):  # fmt: skip
-    """Light (N, 3) float32 that reaches the camera."""
+    """Compute the light (N, 3) float32 that reaches the camera."""
     image = np.empty((len(rays), 3), np.float32)
     light, tint, open_sky = np.empty((3, width), np.float32), np.empty(width), np.empty(width)
     points, pixels = np.empty((_MORE + 1, width)), np.empty((6, width), np.int64)
@@ -473,8 +478,10 @@ def shade(
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def develop(light, width, exposure, noise, grain, curve):
-    """Light (N, 3) -> image (N, 3) uint8, blue first: lens falloff, photon noise, then the tone curve, a table over the
-    square root of the exposed light from 0 to 2."""
+    """Develop light (N, 3) into an image (N, 3) uint8, blue first: lens falloff, photon noise, and the tone curve.
+
+    The tone curve is a table over the square root of the exposed light from 0 to 2.
+    """
     rows, last = len(light) // width, len(curve) - 1
     image = np.empty((len(light), 3), np.uint8)
     for i in range(len(light)):

@@ -1,4 +1,4 @@
-"""A simulated drive, written frame by frame."""
+"""Simulation of a sequence, written frame by frame."""
 
 from __future__ import annotations
 
@@ -35,21 +35,23 @@ MOST = 4  # processes: each holds a town
 
 @dataclass(frozen=True)
 class SimulationConfig:
-    """What is simulated: equal ones give the same bytes.
+    """Settings of a simulation; equal settings give the same bytes.
 
-    drive       a built-in drive, unless
-    trajectory  names a file of poses
-    spacing     metres between frames; None: ten frames a second
-    every       2 takes every other one of these frames, and so on
-    sensor      one of HEADS
-    distort     the car moves while the LiDAR turns, as in KITTI's raw drives
-    depth       also write the exact depth of each image and the exact 64-channel scan
-    camera      take images at all: without, a drive takes a fifth of the time and half of the room
-    rate        turns of the LiDAR a second, and frames
-    height      of the LiDAR above the ground [m]; None: the drive's own, mostly that of KITTI's car
-    tilt        of the LiDAR [rad], positive with its nose down
-    format      kitti or folder: see `KittiLayout`, `FolderLayout`
-    stamp       start, middle or end: the instant of a sweep that its stamp and pose belong to; kitti's is the middle
+    Attributes:
+        drive: Name of a built-in drive.
+        trajectory: A file of poses that replaces the built-in drive.
+        spacing: Distance between frames [m]; None: ten frames per second.
+        every: Keep every `every`-th of these frames.
+        sensor: Name of the LiDAR, one of HEADS.
+        distort: The sensor moves during a sweep, as in KITTI's raw recordings.
+        depth: Also write the exact depth of each image and an exact 64-channel scan.
+        camera: Write images; without them a simulation takes a fifth of the time and half of the disk space.
+        seed: Random seed of scene, traffic and noise.
+        rate: Rotation rate of the LiDAR and frame rate [Hz].
+        height: Height of the LiDAR above the ground [m]; None: the drive's default, mostly that of KITTI's car.
+        tilt: Pitch of the LiDAR [rad], positive downwards.
+        format: kitti or folder, see `KittiLayout`, `FolderLayout`.
+        stamp: start, middle or end: the instant of a sweep to which stamp and pose refer; the middle for kitti.
     """
 
     drive: str = "loop"
@@ -68,26 +70,37 @@ class SimulationConfig:
     stamp: str = "middle"
 
     def check(self) -> None:
-        """Raise InputError on what does not exist or does not go together."""
+        """Check the settings.
+
+        Raises:
+            InputError: A value does not exist, or two settings conflict.
+        """
         SENSORS.require(self.sensor)
         if self.format not in ("kitti", "folder") or self.stamp not in INSTANTS:
             raise InputError(f"format '{self.format}', stamp '{self.stamp}': kitti or folder; {', '.join(INSTANTS)}")
         if self.stamp != "middle" and self.format == "kitti":
-            raise InputError(f"--stamp {self.stamp}: KITTI's stamps are of mid-sweep; add --format folder")
+            raise InputError(f"--stamp {self.stamp}: KITTI's stamps are at mid-sweep; add --format folder")
         if self.stamp != "middle" and not self.distort:
-            raise InputError(f"--stamp {self.stamp}: without --distort the LiDAR stands still in a sweep; add that")
+            raise InputError(f"--stamp {self.stamp}: the LiDAR does not move during a sweep; add --distort")
         if self.rate != RATE and self.spacing is not None:
-            raise InputError(f"--rate {self.rate:g}: --spacing says already where frames are; leave one of them out")
+            raise InputError(f"--rate {self.rate:g}: conflicts with --spacing; leave one of the two out")
         if not 1 <= self.rate <= 100:
-            raise InputError(f"--rate {self.rate:g}: LiDARs turn 1 to 100 times a second, mostly 5 to 20")
+            raise InputError(f"--rate {self.rate:g}: give 1 to 100 Hz; spinning LiDARs turn at 5 to 20 Hz")
         if self.height is not None and not 0 < self.height <= 20:
-            raise InputError(f"--height {self.height:g}: a LiDAR is mounted 0 to 20 m above the ground")
+            raise InputError(f"--height {self.height:g}: give 0 to 20 m above the ground")
         if not abs(self.tilt) < np.pi / 2:
-            raise InputError(f"--tilt {np.rad2deg(self.tilt):g}: between -90 and 90 deg")
+            raise InputError(f"--tilt {np.rad2deg(self.tilt):g}: give -90 to 90 deg")
 
 
 class Simulation:
-    """A drive that can be written. Raises InputError where its trajectory is no drive."""
+    """A simulation that can be written.
+
+    Args:
+        settings: The settings.
+
+    Raises:
+        InputError: A setting is invalid, or the trajectory cannot be used.
+    """
 
     def __init__(self, settings: SimulationConfig) -> None:
         settings.check()
@@ -103,7 +116,7 @@ class Simulation:
 
     @cached_property
     def rig(self) -> Rig:
-        """The car in its town, which takes a few seconds to build."""
+        """The sensor rig in its scene, which takes a few seconds to build."""
         settings = self.settings
         return Rig(
             self.drive,
@@ -116,14 +129,14 @@ class Simulation:
         )
 
     def matches(self, folder: Path) -> bool:
-        """Whether a folder is empty or absent, or holds this very simulation, whole or in part."""
+        """Check whether a folder is empty or absent, or holds this simulation, complete or in part."""
         about = folder / "simulation.json"
         if about.is_file():
             return about.read_text(encoding="utf-8") == self._about()
         return not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
 
     def missing(self, folder: Path, frames: int | None = None) -> list[int]:
-        """Of the first `frames`, or all, the numbers of those that the folder does not have."""
+        """Return the numbers of the first `frames` frames, or of all, that are not in the folder."""
         return [
             number
             for number in self._numbers(frames)
@@ -131,14 +144,20 @@ class Simulation:
         ]
 
     def write(self, folder: Path, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> None:
-        """The first `frames`, or all; those that the folder has are kept, so that a broken-off run goes on.
+        """Write frames in parallel processes; frames in the folder are kept, so an interrupted simulation is resumed.
 
-        `on_frame` is called for each, kept or written. Raises InputError where the folder holds something else or
-        cannot be written; no file is half there then. Frames are shared out among processes, which import the main
-        module again: in a script, call this under `if __name__ == "__main__":`.
+        The processes import the main module again: in a script, call this under `if __name__ == "__main__":`.
+
+        Args:
+            folder: The folder.
+            frames: Number of frames; None: all.
+            on_frame: Called for each frame, kept or written.
+
+        Raises:
+            InputError: The folder has other content, or cannot be written; no file is incomplete then.
         """
         if not self.matches(folder):
-            raise InputError(f"{folder}: holds something else already; name a new folder, or empty this one")
+            raise InputError(f"{folder}: has other content; choose a new folder, or empty this one")
         missing = self.missing(folder, frames)
         for _ in range(len(self._numbers(frames)) - len(missing)):
             on_frame()
@@ -152,7 +171,7 @@ class Simulation:
             self._share_out(folder, missing, on_frame)
 
     def write_frame(self, folder: Path, number: int) -> None:
-        """One frame into the folder of the simulation."""
+        """Write one frame into the folder of the simulation."""
         self._layout(folder).write(self.rig.frame(number), number)
 
     def _share_out(self, folder: Path, numbers: list[int], on_frame: Callable[[], None]) -> None:
@@ -190,7 +209,7 @@ class Simulation:
         return [path for part, path in self._layout(folder).files(number).items() if wanted.get(part, True)]
 
     def _about(self) -> str:
-        """What tells this simulation from others: its settings, the way, and the code that makes it."""
+        """Identity of this simulation: its settings, the path, and the fingerprint of its code."""
         settings = self.settings
         way = hashlib.sha256(self.drive.position.tobytes() + self.drive.yaw.tobytes())
         about = {
@@ -217,14 +236,14 @@ class Simulation:
         return [place.split(":")[0] for place in places]
 
     def _unusual(self) -> dict[str, object]:
-        """Of the settings that came later, those that are not as they always were."""
+        """Settings added in later versions that differ from their defaults."""
         later = ("rate", "height", "tilt", "format", "stamp")
         values = {name: getattr(self.settings, name) for name in later}
         return {name: value for name, value in values.items() if value != getattr(SimulationConfig, name)}
 
 
 def processes() -> int:
-    """How many write the frames of a drive: one a core, at most MOST."""
+    """Return the number of processes that write frames: one per core, at most MOST."""
     return min(usable_cores(), MOST)
 
 

@@ -1,4 +1,4 @@
-"""How a LiDAR moves while it turns."""
+"""Motion of a LiDAR during a sweep."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ STILL = np.eye(4)
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """A turn in S parts of equal duration, in each of which the velocity is constant.
+    """A sweep in S parts of equal duration, with constant velocity in each.
 
-    pose    (S, 4, 4) T_world_lidar in the middle of each part
-    motion  (S, 4, 4) T_start_end of each part
+    Attributes:
+        pose: (S, 4, 4) T_world_lidar in the middle of each part.
+        motion: (S, 4, 4) T_start_end of each part.
     """
 
     pose: Array
@@ -27,23 +28,23 @@ class Sweep:
 
     @staticmethod
     def steady(pose: Array, motion: Array) -> Sweep:
-        """At one velocity: `pose` (4, 4) at mid-sweep, and T_start_end of the sweep (4, 4), identity at a stand."""
+        """Create a sweep of constant velocity: `pose` (4, 4) at mid-sweep, `motion` (4, 4) T_start_end."""
         return Sweep(pose[None], motion[None])
 
     @staticmethod
     def along(poses: Array) -> Sweep:
-        """Through S + 1 poses at equal intervals, from the start of the sweep to its end."""
+        """Create a sweep through S + 1 poses at equal intervals, from its start to its end."""
         motion = se3.inverse(poses[:-1]) @ poses[1:]
         middle = [start @ se3.scale(step, 0.5) for start, step in zip(poses[:-1], motion, strict=True)]
         return Sweep(np.array(middle), motion)
 
     def at(self, fraction: float) -> Array:
-        """T_world_lidar (4, 4) at a fraction 0..1 of the sweep."""
+        """Return T_world_lidar (4, 4) at a fraction 0..1 of the sweep."""
         part = min(int(fraction * len(self.pose)), len(self.pose) - 1)
         return np.asarray(self.pose[part] @ se3.scale(self.motion[part], fraction * len(self.pose) - part - 0.5))
 
     def in_world(self, origin: Array, direction: Array, fraction: Array) -> tuple[Array, Array]:
-        """Rays (N, 3) float32 in the frames that the LiDAR has at fractions (N,) float32 of the sweep, in the world."""
+        """Transform rays (N, 3) float32 from the LiDAR frame at fractions (N,) float32 of the sweep to the world."""
         parts = len(self.pose)
         if parts == 1:
             return _placed(origin, direction, fraction, self.pose[0], self.motion[0])

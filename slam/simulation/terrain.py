@@ -1,4 +1,4 @@
-"""The ground: a smooth surface through the heights of a drive, hills around it, and the car's wheels on it."""
+"""Terrain: a smooth surface through the heights of a drive, hills around it, and the attitude of the car on it."""
 
 from __future__ import annotations
 
@@ -16,14 +16,18 @@ STIFFNESS, FLATNESS = 4.0, 0.05  # of the surface against the heights: how littl
 
 
 class Terrain:
-    """A height for every place.
+    """Height of the ground at every position.
 
-    The nodes of a grid take the heights that bend least (the discrete Laplacian squared) and yet pass near those of
-    the drive; rolling hills are added, the same for the same seed.
+    The heights of the grid nodes minimise bending (the squared discrete Laplacian) and the distance to the heights of
+    the drive; random hills are added.
+
+    Args:
+        points: (N, 3), points on the road.
+        rng: Random generator of the hills.
+        hills: Amplitude of the hills, 0 for none.
     """
 
     def __init__(self, points: Array, rng: np.random.Generator, hills: float = 1.0) -> None:
-        """`points` (N, 3): places on the road; `hills`: how much of them is added, 0 for none."""
         low, high = points[:, :2].min(axis=0) - MARGIN, points[:, :2].max(axis=0) + MARGIN
         self.x, self.y = (np.arange(low[axis], high[axis] + CELL, CELL) for axis in (0, 1))
         waves = 8
@@ -33,7 +37,7 @@ class Terrain:
         self._surface = RectBivariateSpline(self.x, self.y, self._fitted(points))
 
     def height(self, x: Array, y: Array) -> Array:
-        """(...,) metres, at places of that shape."""
+        """Return the heights (...) [m] at positions of this shape."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         rolling = sum(
             amplitude * np.sin(wave[0] * x + wave[1] * y + phase)
@@ -42,12 +46,14 @@ class Terrain:
         return np.asarray(self._surface(x, y, grid=False) + rolling)
 
     def lifted(self, places: Array) -> Array:
-        """Places (..., 2) with their heights (..., 3)."""
+        """Return positions (..., 2) with their heights, (..., 3)."""
         return np.concatenate([places, self.height(places[..., 0], places[..., 1])[..., None]], axis=-1)
 
     def poses(self, position: Array, yaw: Array, above: float, sway: Array) -> Array:
-        """(N, 4, 4) of what stands `above` the ground at position (N, 2 or 3), leans with it, and sways by
-        `sway` (N, 3): roll and pitch [rad], heave [m]."""
+        """Return the poses (N, 4, 4) of a sensor `above` [m] the ground at position (N, 2 or 3).
+
+        It is tilted with the ground, and `sway` (N, 3), roll and pitch [rad] and heave [m], is added.
+        """
         reach = 1.3  # half a wheelbase
         forward, left = (np.column_stack([np.cos(yaw + turn), np.sin(yaw + turn)]) for turn in (0, np.pi / 2))
         at = position[:, :2]
@@ -94,14 +100,13 @@ def _differences(count: int, order: int, others: int, first: bool) -> coo_matrix
 
 
 def sway(way: Array, rng: np.random.Generator) -> Array:
-    """(N, 3) roll and pitch [rad] and heave [m] of a car that has come `way` (N,) metres: slow waves over the way, the
-    same when standing still."""
+    """Draw roll, pitch [rad] and heave [m] (N, 3) of a car: slow waves over the travelled distance `way` (N,) [m]."""
     length, phase = rng.uniform(9, 35, (4, 3)), rng.uniform(0, 2 * np.pi, (4, 3))
     return np.asarray(SWAY * np.sin(2 * np.pi * way[:, None, None] / length + phase).mean(axis=1))
 
 
 def noise(x: Array, y: Array, seed: int) -> Array:
-    """Smooth noise in -1..1 with bumps of one unit: values at whole coordinates, cosine between them (Perlin 1985)."""
+    """Compute smooth noise, -1..1, with values at integer coordinates and cosine interpolation (Perlin 1985)."""
     i, j = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     u, v = (0.5 - 0.5 * np.cos(np.pi * (value - whole)) for value, whole in ((x, i), (y, j)))
 

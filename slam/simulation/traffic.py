@@ -1,4 +1,4 @@
-"""What moves while the car drives."""
+"""Moving objects along a drive."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ LANE_APART = 2.9  # metres between the middles of two that pass each other
 
 @dataclass(frozen=True, eq=False)
 class Mover:
-    """One car or person.
+    """One vehicle or person.
 
-    way      (N,) metres along the drive's path in each frame
-    left     metres to the left of that path
-    reverse  whether it goes against the drive
-    room     metres that it keeps from others, between the middles of two that need as much
+    Attributes:
+        mesh: The mesh.
+        way: (N,) distance along the drive's path in each frame [m].
+        left: Lateral offset to the left of that path [m].
+        reverse: Whether it moves against the drive.
+        room: Minimum distance to others, between the centres of two with the same value [m].
     """
 
     mesh: Mesh
@@ -35,7 +37,7 @@ class Mover:
 
 
 class Traffic:
-    """Of movers, those that run into none of the earlier ones nor into the driven car."""
+    """Moving objects without collisions: those that hit an earlier one or the driven car are removed."""
 
     def __init__(self, drive: Drive, course: Course, movers: Iterable[Mover]) -> None:
         self.drive, self._course = drive, course
@@ -52,7 +54,7 @@ class Traffic:
         return len(self.movers)
 
     def at(self, frame: int) -> list[Mesh]:
-        """All that moves within SIGHT of the car in that frame."""
+        """Return all moving objects within SIGHT of the car in a frame."""
         here = self.drive.position[frame, :2]
         near = [
             (mover, places[frame])
@@ -67,7 +69,7 @@ class Traffic:
         return [mover.mesh.moved(pose) for (mover, _), pose in zip(near, poses, strict=True)]
 
     def free(self, mover: Mover, places: Array) -> bool:
-        """Whether it keeps its distance in its lane, all the way; `places` (N, 2) are NaN where it is out of sight."""
+        """Check whether a mover keeps its distance in its lane in all frames; `places` (N, 2) are NaN out of sight."""
         others = [(other.way, other.left, other.room) for other in self.movers]
         for way, left, room in [(self.drive.way, 0.0, OWN + 1.0), *others]:
             apart = np.abs(mover.way - way).min()

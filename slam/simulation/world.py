@@ -1,4 +1,4 @@
-"""What stands around the sensor at one moment, ready for rays."""
+"""The objects around the sensor at one moment, prepared for ray casting."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from slam.simulation.mesh import Mesh, joined
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Where N rays end first.
+    """First hits of N rays.
 
-    reach     (N,) float32: in units of the ray's direction; inf where it meets nothing
-    triangle  (N,) int32, index into `World.material` and `World.colour`; -1 where it meets nothing
-    normal    (N, 3) float32, of unit length, on either side of the surface; zero where it meets nothing
+    Attributes:
+        reach: (N,) float32, distance in units of the ray's direction; inf without a hit.
+        triangle: (N,) int32, index into `World.material` and `World.colour`; -1 without a hit.
+        normal: (N, 3) float32 unit normals, on either side of the surface; zero without a hit.
     """
 
     reach: Array
@@ -27,7 +28,7 @@ class Hits:
 
 
 class StandingWorld:
-    """What does not move. Made once for many frames: the tree that rays descend takes a while to build."""
+    """Static triangles, built once for many frames because the acceleration structure takes a while to build."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
@@ -36,11 +37,13 @@ class StandingWorld:
 
 
 class World:
-    """Standing and moving triangles. Rays are given and answered in the coordinates of the meshes.
+    """Static and moving triangles. Rays and hits are in the coordinates of the meshes.
 
-    Rays are cast in packets of those that follow each other: it is quicker where these go the same way.
+    Consecutive rays are cast in packets, which are faster for similar directions.
 
-    material  (T,) uint8 and colour (T, 3) uint8 of all triangles, those of the standing ones first
+    Attributes:
+        material: (T,) uint8, material of all triangles, static ones first.
+        colour: (T, 3) uint8, colour of all triangles.
     """
 
     def __init__(self, standing: StandingWorld, moving: Sequence[Mesh] = ()) -> None:
@@ -50,16 +53,19 @@ class World:
         self.colour = np.concatenate([mesh.colour for mesh in (standing.mesh, *moving)])
 
     def cast(self, origin: Array, direction: Array, order: Array | None = None) -> Hits:
-        """The first triangle that each ray meets: origin (3,) or (N, 3), direction (N, 3) of any length but zero.
+        """Find the first triangle hit by each ray.
 
-        `order` (N,) int32: in which rays are taken together, None: as they come.
+        Args:
+            origin: (3,) or (N, 3).
+            direction: (N, 3), of any length but zero.
+            order: (N,) int32 in which rays are grouped into packets, None: the given order.
         """
         return Hits(*self._rays.cast(origin, np.asarray(direction, np.float32), order))
 
     def hidden(self, origin: Array, direction: Array, alike: bool = True) -> Array:
-        """(N,) bool: whether anything stands in a ray's way, at whatever distance.
+        """Check which rays (N,) bool hit anything, at any distance.
 
-        `alike`: rays that follow each other go nearly the same way.
+        `alike`: consecutive rays have similar directions.
         """
         return self._rays.hidden(origin, np.asarray(direction, np.float32), alike)
 

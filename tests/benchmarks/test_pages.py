@@ -17,7 +17,7 @@ NAMES = sorted(path.stem for path in RESULTS.glob("*.md") if path.stem != "same_
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_page_is_what_its_script_makes_of_the_figures(name: str, tmp_path: Path) -> None:
+def test_pages_agree_with_their_figures(name: str, tmp_path: Path) -> None:
     (script,) = BENCHMARKS.glob(f"*/{name}.py")
     module = importlib.import_module(f"benchmarks.{script.parent.name}.{name}")
     found = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
@@ -28,12 +28,12 @@ def test_a_page_is_what_its_script_makes_of_the_figures(name: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize("page", [BENCHMARKS / "README.md", *(RESULTS / f"{name}.md" for name in NAMES)])
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_exist(page: Path) -> None:
     for link in re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8")):
         assert (page.parent / link).is_file(), link
 
 
-def test_the_table_has_every_page_and_its_command() -> None:
+def test_the_table_lists_every_page_and_its_command() -> None:
     table = (BENCHMARKS / "README.md").read_text(encoding="utf-8")
     for name in NAMES:
         (script,) = BENCHMARKS.glob(f"*/{name}.py")

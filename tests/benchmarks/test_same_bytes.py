@@ -46,7 +46,7 @@ def compare(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
     return same_bytes.main()
 
 
-def test_versions_that_write_the_same(version: Version, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_versions_with_the_same_bytes_pass(version: Version, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drive = tmp_path / "drive"
     drive.mkdir()
     words = (version("a"), version("b"), "--drive", drive, "--simulate", 3, "--results", tmp_path)
@@ -66,7 +66,7 @@ def test_versions_that_write_the_same(version: Version, tmp_path: Path, monkeypa
         ({"loops.csv": "i,j"}, "| drive | 64 | same | - | - | - | same | only after | - |"),
     ],
 )
-def test_what_differs_is_told(
+def test_different_bytes_are_reported(
     other: dict[str, str], told: str, version: Version, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drive = tmp_path / "drive"
@@ -76,7 +76,7 @@ def test_what_differs_is_told(
     assert told in (tmp_path / "same_bytes.md").read_text()
 
 
-def test_simulations_that_differ(version: Version, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_different_simulations_are_reported(version: Version, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = (version("a"), version("b", noise=1), "--simulate", 2, "--results", tmp_path)
     assert compare(monkeypatch, *words) == 1
     page = (tmp_path / "same_bytes.md").read_text()
@@ -84,11 +84,13 @@ def test_simulations_that_differ(version: Version, tmp_path: Path, monkeypatch: 
     assert "| the town's loop | 64 | same |" in page  # both ran over the first version's
 
 
-def test_a_version_that_fails_ends_it(version: Version, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_version_stops_the_comparison(
+    version: Version, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(SystemExit, match="exit code 1: Error: no such folder"):
         compare(monkeypatch, version("a"), version("b"), "--drive", tmp_path / "none", "--results", tmp_path)
 
 
-def test_without_a_drive_there_is_nothing_to_run(version: Version, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_drive_it_is_an_error(version: Version, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(SystemExit, match="add --drive PATH or --simulate N"):
         compare(monkeypatch, version("a"), version("b"))

@@ -19,7 +19,7 @@ def test_there_are_scripts() -> None:
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_a_script_tells_how_it_is_called(
+def test_scripts_print_their_usage(
     name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     module = importlib.import_module(name)
@@ -33,7 +33,7 @@ def test_a_script_tells_how_it_is_called(
     assert module.__doc__.splitlines()[0] in told
 
 
-def test_a_folder_without_a_drive_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_without_a_drive_is_an_error_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from benchmarks.common.script import run_script
     from benchmarks.odometry.paper_chain import main
 
@@ -44,7 +44,7 @@ def test_a_folder_without_a_drive_is_one_line(tmp_path: Path, monkeypatch: pytes
     assert "\n" not in str(ended.value.code)
 
 
-def test_the_command_is_told_without_this_machines_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reported_command_has_no_local_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from benchmarks.common.page import surroundings
 
     drive = tmp_path / "04"

@@ -26,13 +26,13 @@ from slam.settings import ScanContextSettings
 Street = Callable[..., Path]
 
 
-def test_met_and_missed() -> None:
+def test_targets_are_met_or_missed() -> None:
     assert target("time [ms]", 4.96, "<=", 5, 1) == ("time [ms]", "5.0", "<= 5", "met")
     assert [verdict(2.0, relation, 2.0) for relation in (">=", "<=", "≥", "≤", "<")] == ["met"] * 4 + ["missed"]
     assert verdict(None, ">=", 1.0) == "-"
 
 
-def test_open3d_is_found_by_either_of_its_names(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_version_of_open3d_is_found_under_both_names(monkeypatch: pytest.MonkeyPatch) -> None:
     def version(name: str) -> str:
         if name != "open3d-cpu":
             raise PackageNotFoundError(name)
@@ -42,7 +42,7 @@ def test_open3d_is_found_by_either_of_its_names(monkeypatch: pytest.MonkeyPatch)
     assert surroundings(("open3d",))["versions"]["open3d"] == "0.20.0"
 
 
-def test_odometry_beside_its_peers(street_drive: Street, tmp_path: Path) -> None:
+def test_odometry_is_compared_with_its_peers(street_drive: Street, tmp_path: Path) -> None:
     pytest.importorskip("kiss_icp")
     pytest.importorskip("small_gicp")
     from benchmarks.odometry.comparison import compare
@@ -62,7 +62,7 @@ def test_odometry_beside_its_peers(street_drive: Street, tmp_path: Path) -> None
     assert (tmp_path / "frame_rate.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_odometry_on_every_input(street_drive: Street) -> None:
+def test_odometry_runs_on_every_input(street_drive: Street) -> None:
     data = open_dataset(street_drive())
     truth = data.ground_truth
     assert truth is not None
@@ -74,7 +74,7 @@ def test_odometry_on_every_input(street_drive: Street) -> None:
     assert all(track.nees is not None and track.nees > 0 for track in tracks.values())
 
 
-def test_a_street_where_nothing_moves_keeps_its_map(street_drive: Street) -> None:
+def test_a_static_street_keeps_its_map(street_drive: Street) -> None:
     figures = moving_objects.mapped(street_drive(), "64", None)
     assert figures["poses"] == "odometry"
     assert figures["removed"] < 0.01
@@ -82,7 +82,7 @@ def test_a_street_where_nothing_moves_keeps_its_map(street_drive: Street) -> Non
     assert f"| 64 | odometry | {figures['voxels']} |" in told
 
 
-def test_the_back_end_drops_false_loops() -> None:
+def test_the_back_end_rejects_false_loops() -> None:
     case = grown(700, seed=0).with_false(0.3, seed=1)
     row = solved(case, "ours", "30%, seed 1")
     assert (row.false_kept, row.true_lost) == (0, 0)
@@ -94,7 +94,7 @@ def test_the_back_end_drops_false_loops() -> None:
 def test_a_street_driven_twice_is_recognised(street_scans: list[Array], street_poses: Array) -> None:
     clouds = [scan[:, :3] for scan in street_scans[::2]]
     reference = np.concatenate([street_poses[::2], street_poses[::2]])
-    settings = ScanContextSettings(min_travelled=5.0, submap_length=0.0)
+    settings = ScanContextSettings(min_travelled_distance=5.0, submap_length=0.0)
     found = places.recognise(
         places.RecordedKeyframes([*clouds, *clouds], reference, reference, 1.0), [*clouds, *clouds], settings
     )

@@ -26,7 +26,7 @@ def frame(cloud: PointCloud) -> Frame:
     return Frame(index=0, stamp=0.0, cloud=cloud)
 
 
-def test_measured_points_first_and_as_they_were(sparse: Scan) -> None:
+def test_measured_points_come_first_and_unchanged(sparse: Scan) -> None:
     scan = sparse()
     cloud = enricher(scan)(frame(scan.cloud), ())
     count = len(scan.cloud)
@@ -54,7 +54,7 @@ def test_predicted_points_lie_on_the_planes_with_time_and_sigma(sparse: Scan) ->
     assert (new.intensity <= 1).all()
 
 
-def test_coverage_keeps_the_surest(sparse: Scan) -> None:
+def test_coverage_keeps_the_smallest_sigmas(sparse: Scan) -> None:
     scan = sparse()
     everything, half = (enricher(scan, share)(frame(scan.cloud), ()) for share in (1.0, 0.5))
     new, kept = everything.select(~everything.measured), half.select(~half.measured)
@@ -64,7 +64,7 @@ def test_coverage_keeps_the_surest(sparse: Scan) -> None:
 
 
 @pytest.mark.parametrize("cloud", [PointCloud(np.zeros((0, 3)), np.zeros(0)), PointCloud(np.ones((5, 3)), np.zeros(5))])
-def test_a_scan_without_rings_is_handed_on(sparse: Scan, cloud: PointCloud) -> None:
+def test_scans_without_rings_are_passed_through(sparse: Scan, cloud: PointCloud) -> None:
     assert enricher(sparse())(frame(cloud), ()) is cloud
 
 
@@ -105,7 +105,7 @@ def test_sigma_is_scaled_to_the_errors_at_held_out_rings(sparse: Scan, grid: Ray
     assert float(methods[1](scan, grid).sigma[0, 0]) == pytest.approx(sigmas[0])
 
 
-def test_a_method_sees_what_the_same_rings_measured_before(street: Callable[..., PointCloud]) -> None:
+def test_methods_receive_past_scans_of_the_same_rings(street: Callable[..., PointCloud]) -> None:
     sensor, seen = load_sensor("vlp16"), []
 
     class Watching(RaySegment):

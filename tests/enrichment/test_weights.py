@@ -17,7 +17,7 @@ from enrichment.networks.registry import NETWORKS
 MOST = 25e6  # bytes, all networks together
 
 
-def test_each_has_both_files_and_a_card_and_can_run() -> None:
+def test_each_network_has_both_files_and_a_card() -> None:
     names = [LIFT, *NETWORK_METHODS]
     assert set(names) <= set(runnable())
     for name in names:
@@ -31,12 +31,12 @@ def test_each_has_both_files_and_a_card_and_can_run() -> None:
         assert name == LIFT or "drive_0005" not in card
 
 
-def test_they_are_small() -> None:
+def test_weight_files_are_small() -> None:
     assert sum(len(file.read_bytes()) for file in WEIGHTS.iterdir()) < MOST
 
 
 @pytest.mark.parametrize("name", NETWORK_METHODS)
-def test_onnx_gives_torchs_depths(name: str) -> None:
+def test_onnx_agrees_with_torch(name: str) -> None:
     """To a millimetre, of a scene with sparse depths of up to 60 m."""
     generator = torch.Generator().manual_seed(0)
     image, depth = (torch.rand(1, channels, 96, 160, generator=generator) for channels in (3, 1))
@@ -52,7 +52,7 @@ def test_onnx_gives_torchs_depths(name: str) -> None:
     np.testing.assert_allclose(dense, expected, rtol=0, atol=1e-3)
 
 
-def test_lifts_onnx_gives_torchs_ranges() -> None:
+def test_lift_onnx_agrees_with_torch() -> None:
     """Of the ray segments' own candidates, for want of a scan."""
     generator = torch.Generator().manual_seed(0)
     rays = torch.rand(1, RAYS, 45, 96, generator=generator)

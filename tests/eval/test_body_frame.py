@@ -35,18 +35,18 @@ def test_odometry_and_raw_calibration_files(tmp_path):
         ("Tr: 1 2 3\n", "12 numbers"),
         ("Tr: " + "nan " * 12, "12 numbers"),
         ("Tr: a b c\n", "no LiDAR-to-camera transform"),
-        ("Tr: " + "1 " * 12, "not a rotation"),
+        ("Tr: " + "1 " * 12, "not a rigid motion"),
         ("R: 1 0 0 0 1 0 0 0 1\nT: 0 0 0\n", "another pair of sensors"),
     ],
 )
-def test_broken_calibration(tmp_path, text, complaint):
+def test_a_broken_calibration_is_an_error(tmp_path, text, complaint):
     file = tmp_path / "calib.txt"
     file.write_text(text)
     with pytest.raises(InputError, match=complaint):
         read_camera0_calibration(file)
 
 
-def test_missing_calibration(tmp_path):
+def test_a_missing_calibration_is_an_error(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         read_camera0_calibration(tmp_path / "calib.txt")
 
@@ -60,7 +60,7 @@ def test_missing_calibration(tmp_path):
         (2, 0, "camera", "leave --calib out"),
     ],
 )
-def test_refusals_say_what_to_do(estimate, reference, calibrated_from, remedy):
+def test_different_body_frames_are_an_error_with_a_remedy(estimate, reference, calibrated_from, remedy):
     with pytest.raises(InputError, match=remedy):
         require_same_frame(drive(estimate), drive(reference), ("a.txt", "b.txt"), calibrated_from)
 

@@ -46,7 +46,7 @@ def run_folder(tmp_path):
     return write
 
 
-def test_the_figures_of_each_input(run_folder):
+def test_comparison_has_the_figures_of_each_input(run_folder):
     comparison = compare_runs({"16": run_folder("a", 101.0, failed=2), "64": run_folder("b", 100.0)})
     sixteen, sixty_four = comparison.inputs["16"], comparison.inputs["64"]
     assert sixteen.ate_m == pytest.approx(0.01 * np.std(np.linspace(0, 100, 101)), abs=1e-6)
@@ -62,7 +62,7 @@ def test_the_figures_of_each_input(run_folder):
     assert (sixty_four.ate_m, sixty_four.failed) == (pytest.approx(0, abs=1e-9), 0)
 
 
-def test_what_a_run_notes_is_noted(run_folder):
+def test_notes_of_a_run_are_kept(run_folder):
     comparison = compare_runs({"16": run_folder("a", 101.0, notes=["3 of 101 frames degenerate"])})
     assert "3 of 101 frames degenerate" in comparison.inputs["16"].notes
     assert "16: 3 of 101 frames degenerate" in format_comparison(comparison)
@@ -84,7 +84,7 @@ def test_compare_json_keeps_its_keys(run_folder, tmp_path):
     assert content["inputs"]["64"]["to_64_m"] is None
 
 
-def test_a_row_an_input(run_folder):
+def test_the_table_has_a_row_per_input(run_folder):
     folders = {"16": run_folder("a", 101.0, failed=2), "enriched": run_folder("b", 100.0)}
     text = format_comparison(compare_runs(folders))
     above, below, _, sixteen, enriched = text.splitlines()[:5]
@@ -98,7 +98,7 @@ def test_a_row_an_input(run_folder):
     assert "16: " in text.partition("Notes")[2]  # on a line the alignment is not unique
 
 
-def test_no_ground_truth(run_folder):
+def test_without_ground_truth_accuracy_is_missing(run_folder):
     comparison = compare_runs({"64": run_folder("a", 100.0, reference=None)})
     assert comparison.inputs["64"].ate_m is None
     row = format_comparison(comparison).splitlines()[3]
@@ -106,15 +106,15 @@ def test_no_ground_truth(run_folder):
     assert "64: no ground truth" in format_comparison(comparison)
 
 
-def test_a_drive_too_short_for_drift(run_folder):
+def test_a_short_sequence_has_no_drift(run_folder):
     comparison = compare_runs({"64": run_folder("a", 5.0, reference=5.0)})
     figures = comparison.inputs["64"]
     assert figures.drift_percent is None
     assert figures.ate_m is not None
-    assert "64: no drift, the reference's path of 5.0 m" in format_comparison(comparison)
+    assert "64: no drift, the reference path of 5.0 m" in format_comparison(comparison)
 
 
-def test_the_same_tables_in_markdown(run_folder):
+def test_markdown_has_the_same_tables(run_folder):
     comparison = compare_runs({"16": run_folder("a", 101.0), "64": run_folder("b", 100.0)})
     lines = comparison_markdown(comparison, "A drive").splitlines()
     assert lines[0] == "# A drive"
@@ -125,15 +125,15 @@ def test_the_same_tables_in_markdown(run_folder):
 
 @pytest.mark.parametrize("file", ["run.json", "metrics.json", "timings.csv"])
 @pytest.mark.parametrize("content", ["", "[]", "{}"])
-def test_a_run_that_is_not_whole(run_folder, file, content):
+def test_an_incomplete_run_is_an_error(run_folder, file, content):
     folder = run_folder("a", 100.0)
     (folder / file).write_text(content)
-    with pytest.raises(InputError, match="no whole run to compare"):
+    with pytest.raises(InputError, match="not a complete run"):
         compare_runs({"64": folder})
 
 
 @pytest.mark.parametrize("file", ["run.json", "timings.csv"])
-def test_a_run_without_a_file(run_folder, file):
+def test_a_missing_file_of_a_run_is_an_error(run_folder, file):
     folder = run_folder("a", 100.0)
     (folder / file).unlink()
     with pytest.raises(InputError, match=file):

@@ -60,14 +60,14 @@ def test_a_segment_ends_strictly_beyond_its_length():
     assert drift.segments == 10  # starts 0, 10 .. 90; frame 200 is not beyond 100 + 100 m
 
 
-def test_a_steady_turn_is_degrees_per_100_m():
+def test_a_constant_turn_rate_is_rotation_drift():
     reference, estimate = straight(400, 1.00001), straight(400, 1.00001)
     for k, pose in enumerate(estimate):
         pose[:3, :3] = se3.exp(np.array([0, 0, np.radians(0.02 * k), 0, 0, 0]))[:3, :3]
     assert kitti_drift(estimate, reference).rotation_deg_per_100m == pytest.approx(2.0)
 
 
-def test_agrees_with_the_definition_word_by_word():
+def test_drift_agrees_with_a_literal_implementation():
     reference = town(450)
     estimate = reference @ se3.exp(np.array([0.001, 0, 0.01, 0, 0, 0]))
     estimate[:, :3, 3] *= 1.003
@@ -83,21 +83,21 @@ def test_agrees_with_the_definition_word_by_word():
     [(199, "short drive, 50 m", (50.0,)), (61, "short drive, 50 m", (50.0,)), (20, "short drive, 10 m", (10.0,)),
      (350, "KITTI 100-300 m", (100.0, 200.0, 300.0))],
 )  # fmt: skip
-def test_short_drives_are_named_so(metres, name, lengths):
+def test_short_sequences_are_named(metres, name, lengths):
     drift = kitti_drift(straight(metres, 0.5, scale=1.01), straight(metres, 0.5))
     assert (drift.name, drift.lengths_m) == (name, lengths)
     assert drift.segments > 0
     assert drift.reason is None
 
 
-def test_no_segment_fits():
+def test_a_path_too_short_for_any_segment_has_a_reason():
     drift = kitti_drift(straight(5), straight(5))
     assert drift.translation_percent is drift.rotation_deg_per_100m is drift.body_rotation_removed is None
     assert drift.segments == 0
-    assert drift.reason == "the reference's path of 5.0 m is shorter than 12 m"
+    assert drift.reason == "the reference path of 5.0 m is shorter than 12 m"
 
 
-def test_a_heading_offset_shows_as_drift_and_is_removed():
+def test_a_heading_offset_is_drift_and_is_removed_with_the_body_rotation():
     # The body frame turned by 1.4 deg moves the end of each segment by 2 sin(0.7 deg) of its length: 2.44 %.
     offset = se3.exp(np.array([0, 0, np.radians(1.4), 0, 0, 0]))
     reference = straight(173, 1.00001)
@@ -109,7 +109,7 @@ def test_a_heading_offset_shows_as_drift_and_is_removed():
 
 @given(omega=arrays(float, 3, elements=st.floats(-1, 1)))
 @settings(max_examples=25, deadline=None)
-def test_any_constant_body_rotation_is_fully_removed(omega):
+def test_constant_body_rotations_are_removed(omega):
     reference = town(260)
     drift = kitti_drift(reference @ se3.exp(np.concatenate([omega, np.zeros(3)])), reference)
     removed = drift.body_rotation_removed
@@ -118,14 +118,14 @@ def test_any_constant_body_rotation_is_fully_removed(omega):
     assert removed.rotation_deg == pytest.approx(np.degrees(np.linalg.norm(omega)), abs=1e-3)
 
 
-def test_a_straight_drive_leaves_roll_alone():
+def test_roll_is_not_removed_on_a_straight_path():
     noise = 0.002 * np.random.default_rng(0).normal(size=(2, 20, 3))
     forward = np.array([1.0, 0, 0])
     X = best_rotation(forward + noise[0], forward + noise[1])
     assert np.degrees(se3.angle(np.block([[X, np.zeros((3, 1))], [np.zeros((1, 3)), 1]]))) < 0.2
 
 
-def test_a_rigid_motion_of_the_whole_estimate_does_not_matter():
+def test_drift_is_invariant_to_a_rigid_motion():
     reference = town(260)
     estimate = reference.copy()
     estimate[:, :3, 3] *= 1.01

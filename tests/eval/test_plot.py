@@ -28,7 +28,7 @@ def northward(count=40):
     [(drive(), drive()), (drive(), None), (standing(), standing()), (standing(1), None), (northward(), northward())],
     ids=["drive", "no truth", "standing", "one pose", "straight"],
 )
-def test_picture(tmp_path, estimate, reference):
+def test_the_plot_of_a_trajectory_is_written(tmp_path, estimate, reference):
     plot_trajectory(tmp_path / "t.png", estimate, reference, "a drive")
     height, width, _ = cv2.imread(str(tmp_path / "t.png")).shape
     assert width == 1200
@@ -36,7 +36,7 @@ def test_picture(tmp_path, estimate, reference):
     assert [path.name for path in tmp_path.iterdir()] == ["t.png"]
 
 
-def test_a_run_folder_with_truth_for_some_frames(tmp_path):
+def test_plot_of_a_run_with_partial_ground_truth(tmp_path):
     stamps = 0.1 * np.arange(40)
     (tmp_path / "trajectory_tum.txt").write_text(tum_text(stamps, drive()))
     assert plot_run(tmp_path).is_file()

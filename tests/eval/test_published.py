@@ -33,7 +33,7 @@ def evo_statistics(home, *arguments):
     return {name: float(value) for name, value in re.findall(r"^\s*(\w+)\s+([\d.]+)$", run.stdout, re.MULTILINE)}
 
 
-def test_published_figures(metrics):
+def test_figures_agree_with_published_ones(metrics):
     assert metrics.drift.translation_percent == pytest.approx(0.527, abs=5.1e-4)
     assert metrics.ate.aligned.rmse == pytest.approx(3.516, abs=1e-3)
     assert metrics.drift.name == "KITTI 100-800 m"

@@ -32,7 +32,7 @@ def winding(count=30):
 tangents = arrays(float, 6, elements=st.floats(-3, 3)).map(lambda xi: xi * [0.5, 0.5, 0.5, 50, 50, 50])
 
 
-def test_ate_by_hand():
+def test_ate_of_a_small_example():
     reference = poses_at((0, 0, 0), (1, 0, 0), (2, 0, 0))
     estimate = poses_at((0, 0, 0), (1, 3, 0), (2, 0, 4))
     statistics = ate(estimate, reference, "unaligned")
@@ -41,7 +41,7 @@ def test_ate_by_hand():
     )
 
 
-def test_origin_alignment_lays_the_first_pose_over_the_first():
+def test_origin_alignment_aligns_the_first_poses():
     reference = poses_at((5, 5, 5), (6, 5, 5), (8, 5, 5))
     estimate = poses_at((0, 0, 0), (1, 0, 0), (2, 0, 0))
     assert ate(estimate, reference, "origin").sse == pytest.approx(1)
@@ -57,7 +57,7 @@ def test_alignment_has_no_scale():
 
 @given(xi=tangents)
 @settings(max_examples=50, deadline=None)
-def test_a_moved_estimate_has_no_aligned_error(xi):
+def test_a_rigidly_moved_estimate_has_no_aligned_error(xi):
     reference = winding()
     moved = se3.exp(xi) @ reference
     assert ate(moved, reference, "aligned").max < 1e-6
@@ -66,7 +66,7 @@ def test_a_moved_estimate_has_no_aligned_error(xi):
 
 @given(xi=tangents)
 @settings(max_examples=25, deadline=None)
-def test_relative_errors_do_not_see_a_rigid_motion(xi):
+def test_rpe_is_invariant_to_a_rigid_motion(xi):
     reference, estimate = winding(), winding() @ se3.exp(np.array([0.01, 0, 0.02, 0.1, 0.2, 0]))
     moved = se3.exp(xi) @ estimate
     for metric in (rpe_translation, rpe_rotation, paper_table_iii):
@@ -74,7 +74,7 @@ def test_relative_errors_do_not_see_a_rigid_motion(xi):
         assert asdict(metric(moved, reference)) == pytest.approx(expected, rel=1e-6, abs=1e-5)
 
 
-def test_rpe_by_hand():
+def test_rpe_of_a_small_example():
     reference = poses_at((0, 0, 0), (1, 0, 0), (2, 0, 0))
     estimate = poses_at((0, 0, 0), (1.1, 0, 0), (2.4, 0, 0))
     translation = rpe_translation(estimate, reference)
@@ -91,24 +91,24 @@ def test_rpe_of_the_rotation_is_in_degrees():
     assert rpe_rotation(estimate, reference).min == pytest.approx(0, abs=1e-6)
 
 
-def test_path_length():
+def test_path_length_is_the_sum_of_steps():
     assert path_length(poses_at((0, 0, 0), (3, 4, 0), (3, 4, 2))) == pytest.approx(7)
 
 
 @pytest.mark.parametrize("still", [poses_at(*[(7, 8, 9)] * 5), poses_at(*[(x, 0, 0) for x in range(5)])])
-def test_alignment_of_a_standing_or_straight_drive_takes_the_orientations(still):
+def test_alignment_of_degenerate_positions_uses_the_orientations(still):
     motion = se3.exp(np.array([0.3, -0.2, 0.5, 1, 2, 3]))
     T, unique = umeyama(motion @ still, still)
     assert not unique
     np.testing.assert_allclose(T, se3.inverse(motion), atol=1e-6)
 
 
-def test_a_moving_estimate_of_a_standing_drive_keeps_its_spread():
+def test_a_moving_estimate_of_a_standing_reference_keeps_its_error():
     standing, moving = poses_at(*[(0, 0, 0)] * 3), poses_at((-1, 0, 0), (0, 0, 0), (1, 0, 0))
     assert ate(moving, standing).sse == pytest.approx(2)
 
 
-def test_the_three_transforms():
+def test_alignment_transforms_of_each_kind():
     reference = winding()
     estimate = se3.exp(np.array([0, 0, 1, 5, 6, 7])) @ reference
     for alignment in ("aligned", "origin"):
@@ -126,7 +126,7 @@ def test_nearest_rotation_is_a_rotation(M):
     assert np.linalg.det(R) == pytest.approx(1)
 
 
-def test_association_takes_the_nearest_within_ten_milliseconds():
+def test_association_takes_the_nearest_stamp_within_ten_milliseconds():
     stamps, reference = np.array([0.0, 0.1, 0.2, 0.3]), np.array([0.091, 0.104, 0.211, 0.3])
     ours, theirs = associate(stamps, reference)
     assert (ours.tolist(), theirs.tolist()) == ([1, 3], [1, 3])

@@ -17,12 +17,12 @@ Drive = Callable[..., Path]
 HEAVY = "{'numpy', 'scipy', 'numba', 'cv2', 'open3d', 'gtsam', 'evo', 'matplotlib', 'onnxruntime', 'torch', 'pydantic'}"
 
 
-def test_the_import_is_light() -> None:
+def test_importing_lidarlift_imports_no_computing_modules() -> None:
     program = f"import sys, lidarlift; print(*{HEAVY} & set(sys.modules))"
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout == b"\n"
 
 
-def test_every_name_is_there() -> None:
+def test_every_public_name_can_be_imported() -> None:
     for name in lidarlift.__all__:
         assert getattr(lidarlift, name) is not None
     assert set(lidarlift.__all__) <= set(dir(lidarlift))
@@ -34,7 +34,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         _ = lidarlift.slam_dunk
 
 
-def test_a_run_enriched_by_ray_segments(street_drive: Drive, street_poses: Array, tmp_path: Path) -> None:
+def test_run_with_ray_segment(street_drive: Drive, street_poses: Array, tmp_path: Path) -> None:
     run = lidarlift.run(street_drive(), input="enriched", enricher="ray-segment", out=tmp_path / "run")
     assert np.linalg.norm(run.poses[:, :3, 3] - street_poses[:, :3, 3], axis=1).max() < 0.2
     assert run.records[0].points > 2 * 16 * 600
@@ -45,9 +45,7 @@ def test_a_run_enriched_by_ray_segments(street_drive: Drive, street_poses: Array
     assert metrics.ate.aligned.rmse < 0.05
 
 
-def test_a_run_writes_nothing_unless_asked(
-    street_drive: Drive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_run_writes_nothing_without_out(street_drive: Drive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, here = street_drive(), tmp_path / "here"
     here.mkdir()
     monkeypatch.chdir(here)
@@ -56,19 +54,19 @@ def test_a_run_writes_nothing_unless_asked(
     assert list(here.iterdir()) == []
 
 
-def test_settings_that_are_complete_stand_alone(street_drive: Drive) -> None:
+def test_complete_settings_exclude_other_settings(street_drive: Drive) -> None:
     path, config = street_drive(), lidarlift.load_config(input="16")
     assert lidarlift.run(path, config=config, frames=slice(2)).records[0].points == 16 * 600
-    with pytest.raises(ValueError, match="config holds all settings already"):
+    with pytest.raises(ValueError, match="config already holds all settings"):
         lidarlift.run(path, config=config, input="64")
 
 
-def test_an_enricher_without_enriched_input_is_refused(street_drive: Drive) -> None:
-    with pytest.raises(lidarlift.InputError, match="nothing is filled in here; add --input enriched"):
+def test_an_enricher_without_enriched_input_is_an_error(street_drive: Drive) -> None:
+    with pytest.raises(lidarlift.InputError, match="not enriched without --input enriched"):
         lidarlift.run(street_drive(), enricher="ray-segment")
 
 
-def test_clouds_are_enriched_one_after_the_other(street_drive: Drive) -> None:
+def test_enrich_yields_enriched_clouds(street_drive: Drive) -> None:
     pairs = list(lidarlift.enrich(street_drive(), enricher="ray-segment", frames=slice(2)))
     assert [frame.index for frame, _ in pairs] == [0, 1]
     for _, cloud in pairs:
@@ -78,7 +76,7 @@ def test_clouds_are_enriched_one_after_the_other(street_drive: Drive) -> None:
         assert (predicted.sigma > 0).all()
 
 
-def test_no_frames_to_enrich_is_said_at_once(street_drive: Drive) -> None:
+def test_enrich_raises_at_once_if_no_frames_are_selected(street_drive: Drive) -> None:
     with pytest.raises(lidarlift.InputError, match="no frames in that range"):
         lidarlift.enrich(street_drive(), frames=slice(9, 20))
 
@@ -90,21 +88,21 @@ def test_three_inputs_are_compared(street_drive: Drive, tmp_path: Path) -> None:
     assert (tmp_path / "compared" / "64" / "map.pcd").is_file()
 
 
-def test_evaluating_a_folder_without_ground_truth_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(lidarlift.InputError, match="no ground truth in it; name the file of a reference"):
+def test_evaluating_a_folder_without_ground_truth_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(lidarlift.InputError, match="no ground truth found; give a reference file"):
         lidarlift.evaluate(tmp_path)
 
 
-def test_what_would_be_ignored_is_refused(street_drive: Drive, tmp_path: Path) -> None:
+def test_ignored_arguments_are_value_errors(street_drive: Drive, tmp_path: Path) -> None:
     drive = lidarlift.open_dataset(street_drive())
     for function in (lidarlift.run, lidarlift.enrich):
-        with pytest.raises(ValueError, match="give sequence and sensor to open_dataset"):
+        with pytest.raises(ValueError, match="pass sequence and sensor to open_dataset"):
             function(drive, sensor="vlp16")
-    with pytest.raises(ValueError, match="give the reference, or leave calib out"):
+    with pytest.raises(ValueError, match="give a reference or leave calib out"):
         lidarlift.evaluate(tmp_path, calib="calib.txt")
 
 
-def test_complete_settings_name_the_method_that_runs(street_drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_settings_name_the_enricher_that_is_used(street_drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("enrichment.methods.onnx_network.has_weights", lambda _: False)
     run = lidarlift.run(street_drive(), config=lidarlift.load_config(input="enriched"), frames=slice(2))
     assert run.config.front_end.enricher == "ray-segment"

@@ -12,7 +12,7 @@ import pytest
 
 from enrichment.geometry.rays import Prediction, RayGrid
 from enrichment.geometry.sparse_scan import SparseScan
-from lidarlift.depth_benchmark import completions, report_of_depth_maps, report_of_drive
+from lidarlift.depth_benchmark import completions, depth_map_report, sequence_report
 from slam.data.cloud import Array
 from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
@@ -28,9 +28,9 @@ class AlwaysTenMetres:
         return Prediction(np.full(shape, 10, np.float32), np.ones(shape, np.float32), np.ones(shape, bool))
 
 
-def test_every_method_answers_for_every_frame(street_drive: Callable[..., Path]) -> None:
+def test_every_method_is_measured_on_every_frame(street_drive: Callable[..., Path]) -> None:
     data, seen = open_dataset(street_drive({1: b""})), list[None]()
-    report = report_of_drive(data, {"ten": AlwaysTenMetres()}, slice(0, 3), 1, lambda: seen.append(None))
+    report = sequence_report(data, {"ten": AlwaysTenMetres()}, slice(0, 3), 1, lambda: seen.append(None))
     assert len(seen) == 3
     assert (report.about.frames, report.about.frames_left_out) == ((0, 1, 2), (1,))
     assert (report.about.ring_step, report.about.phase) == (4, 1)
@@ -44,13 +44,13 @@ def test_every_method_answers_for_every_frame(street_drive: Callable[..., Path])
     json.dumps(report.as_dict(), allow_nan=False)
 
 
-def test_what_cannot_be_measured_is_refused(street_drive: Callable[..., Path]) -> None:
+def test_unmeasurable_sequences_are_errors(street_drive: Callable[..., Path]) -> None:
     data = open_dataset(street_drive())
     with pytest.raises(InputError, match="the drive has 8"):
-        report_of_drive(data, {}, slice(20, None))
+        sequence_report(data, {}, slice(20, None))
     scans = open_dataset(data.path / "velodyne")  # without the sensor.yaml beside them
-    with pytest.raises(InputError, match="nobody knows which LiDAR"):
-        report_of_drive(scans, {})
+    with pytest.raises(InputError, match="the sensor model is unknown"):
+        sequence_report(scans, {})
 
 
 def test_depth_maps_are_completed_by_every_method(tmp_path: Path) -> None:
@@ -66,16 +66,16 @@ def test_depth_maps_are_completed_by_every_method(tmp_path: Path) -> None:
     def as_measured(sparse: Array, _image: Array) -> Array:
         return sparse
 
-    report = report_of_depth_maps(tmp_path, {"same": as_measured}, on_image=lambda: seen.append(None))
+    report = depth_map_report(tmp_path, {"same": as_measured}, on_image=lambda: seen.append(None))
     figures = report.methods["same"].image
     assert figures is not None
     assert figures.mae_mm == pytest.approx(1000)  # 2 m where 3 m are true
     assert (figures.coverage, len(seen)) == (1, 1)
     with pytest.raises(InputError, match="no depth maps in that range; it has 1"):
-        report_of_depth_maps(tmp_path, {"same": as_measured}, slice(1, None))
+        depth_map_report(tmp_path, {"same": as_measured}, slice(1, None))
 
 
-def test_only_what_completes_images_completes_depth_maps() -> None:
+def test_only_depth_completion_methods_complete_depth_maps() -> None:
     assert list(completions(["mrf"])) == ["mrf"]
     assert "delaunay" in completions()
     with pytest.raises(InputError, match=r"unknown depth completion 'delauny'; did you mean 'delaunay'"):

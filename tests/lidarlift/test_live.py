@@ -20,7 +20,7 @@ def off(poses: Array, truth: Array) -> Array:
     return np.linalg.norm(poses[:, :3, 3] - truth[:, :3, 3], axis=1)
 
 
-def test_each_scan_has_its_pose_at_once(street_scans: list[Array], street_poses: Array, tmp_path: Path) -> None:
+def test_add_returns_the_pose_of_each_scan(street_scans: list[Array], street_poses: Array, tmp_path: Path) -> None:
     with lidarlift.Slam() as slam:
         for number, scan in enumerate(street_scans):
             step = slam.add(scan, 0.1 * number)
@@ -35,7 +35,7 @@ def test_each_scan_has_its_pose_at_once(street_scans: list[Array], street_poses:
     assert '"dataset": "live"' in (tmp_path / "live" / "run.json").read_text()
 
 
-def test_it_is_what_a_data_set_is_run_by(street_drive: Drive, street_scans: list[Array]) -> None:
+def test_live_slam_equals_a_run_over_the_data_set(street_drive: Drive, street_scans: list[Array]) -> None:
     """The same scans from files and by hand, twice the same code: bit for bit."""
     recorded = lidarlift.run(street_drive(), overrides=["front_end.vertical_correction_deg=0"])
     with lidarlift.Slam(overrides=["front_end.vertical_correction_deg=0"]) as slam:
@@ -46,7 +46,7 @@ def test_it_is_what_a_data_set_is_run_by(street_drive: Drive, street_scans: list
     np.testing.assert_array_equal(live.map.xyz, recorded.map.xyz)
 
 
-def test_rings_are_taken_from_the_sensors_lines(street_scans: list[Array], street_poses: Array) -> None:
+def test_rings_are_derived_from_the_laser_lines(street_scans: list[Array], street_poses: Array) -> None:
     with lidarlift.Slam(sensor="hdl64", input="enriched", enricher="ray-segment") as slam:
         steps = [slam.add(scan, 0.1 * number) for number, scan in enumerate(street_scans)]
         run = slam.finish()
@@ -54,7 +54,7 @@ def test_rings_are_taken_from_the_sensors_lines(street_scans: list[Array], stree
     assert off(run.poses, street_poses).max() < 0.2
 
 
-def test_points_come_as_drivers_have_them(street_scans: list[Array]) -> None:
+def test_structured_arrays_of_drivers_are_read(street_scans: list[Array]) -> None:
     scan = street_scans[0]
     fields = np.zeros(len(scan), [("x", "f4"), ("y", "f4"), ("z", "f4"), ("reflectivity", "u1"), ("ring", "u2")])
     for column, name in enumerate("xyz"):
@@ -64,7 +64,7 @@ def test_points_come_as_drivers_have_them(street_scans: list[Array]) -> None:
         assert slam.add(fields, 0.0).points == 16 * 600
 
 
-def test_a_cloud_that_is_ready_is_taken_as_it_is(street_scans: list[Array]) -> None:
+def test_point_clouds_are_used_unchanged(street_scans: list[Array]) -> None:
     cloud = PointCloud(street_scans[0][:, :3], np.zeros(len(street_scans[0])))
     with lidarlift.Slam() as slam:
         assert slam.add(cloud, 0.0).points == len(cloud)
@@ -85,12 +85,12 @@ def test_an_image_colours_the_map(street_scans: list[Array]) -> None:
     assert (world.colour[seen][:, 1:] < 10).all()
 
 
-def test_bad_points_are_told_in_one_line() -> None:
+def test_invalid_points_are_an_error_in_one_line() -> None:
     with lidarlift.Slam() as slam, pytest.raises(lidarlift.InputError, match=r"scan 0: .* shape \(5, 7\)"):
         slam.add(np.zeros((5, 7)), 0.0)
 
 
-def test_points_that_are_not_finite_are_left_out_and_counted(street_scans: list[Array]) -> None:
+def test_non_finite_points_are_removed_and_counted(street_scans: list[Array]) -> None:
     scan = street_scans[0].copy()
     scan[::10, 2] = np.nan
     with lidarlift.Slam() as slam:
@@ -98,18 +98,18 @@ def test_points_that_are_not_finite_are_left_out_and_counted(street_scans: list[
         assert slam.finish().counts()["non-finite_points"] == 1
 
 
-def test_enriching_needs_a_sensor() -> None:
-    with pytest.raises(lidarlift.InputError, match=r"live: .*the laser lines have to be known"):
+def test_enrichment_without_a_sensor_is_an_error() -> None:
+    with pytest.raises(lidarlift.InputError, match=r"live: enrichment needs the laser lines"):
         lidarlift.Slam(input="enriched")
 
 
-def test_a_sensor_of_16_rings_has_no_64() -> None:
+def test_input_64_of_a_16_ring_sensor_is_an_error() -> None:
     assert load_sensor("vlp16").ring_count == 16
-    with pytest.raises(lidarlift.InputError, match="vlp16 has no 64 rings"):
+    with pytest.raises(lidarlift.InputError, match="vlp16 does not have 64 rings"):
         lidarlift.Slam("vlp16", input="64")
 
 
-def test_nothing_is_added_to_a_finished_run(street_scans: list[Array]) -> None:
+def test_adding_to_a_finished_run_is_an_error(street_scans: list[Array]) -> None:
     with lidarlift.Slam() as slam:
         slam.add(street_scans[0], 0.0)
         assert slam.finish() is slam.finish()
@@ -117,7 +117,7 @@ def test_nothing_is_added_to_a_finished_run(street_scans: list[Array]) -> None:
             slam.add(street_scans[1], 0.1)
 
 
-def test_a_speed_that_makes_no_sense_is_refused() -> None:
+def test_a_non_positive_rotation_rate_is_an_error() -> None:
     with pytest.raises(lidarlift.InputError, match="sweeps_per_second"):
         lidarlift.Slam(sweeps_per_second=0)
 

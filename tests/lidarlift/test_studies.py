@@ -13,7 +13,7 @@ import pytest
 
 from enrichment.studies.depth_image import DepthImage
 from enrichment.studies.figures import Figures
-from lidarlift.studies import EXACT, SCAN, study_drive
+from lidarlift.studies import EXACT, SCAN, study_sequence
 from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 
@@ -29,13 +29,13 @@ def number(image: DepthImage) -> Figures[Number]:
     return {"number": {0.5: Number(image.number)}}
 
 
-def test_means_are_over_the_frames_with_an_image(street_drive: Callable[..., Path]) -> None:
+def test_means_are_over_frames_with_an_image(street_drive: Callable[..., Path]) -> None:
     sequence = street_drive()
     (sequence / "image_2").mkdir()
     for frame in (0, 2):
         cv2.imwrite(str(sequence / "image_2" / f"{frame:06d}.png"), np.zeros((360, 500, 3), np.uint8))
     data, seen = open_dataset(sequence), list[None]()
-    report = study_drive(data, number, {"number": "of the frame"}, slice(0, 3), lambda: seen.append(None))
+    report = study_sequence(data, number, {"number": "of the frame"}, slice(0, 3), lambda: seen.append(None))
     assert len(seen) == 3
     assert report.frames == (0, 2)
     assert report.sources[SCAN]["number"][0.5].number == 1
@@ -49,9 +49,9 @@ def test_means_are_over_the_frames_with_an_image(street_drive: Callable[..., Pat
     assert content[SCAN] == {"number": {"0.5": {"number": 1.0}}}
 
 
-def test_a_drive_without_images_is_refused(street_drive: Callable[..., Path]) -> None:
+def test_a_sequence_without_images_raises_an_error(street_drive: Callable[..., Path]) -> None:
     data = open_dataset(street_drive())
     with pytest.raises(InputError, match="no image"):
-        study_drive(data, number, {}, slice(0, 1))
+        study_sequence(data, number, {}, slice(0, 1))
     with pytest.raises(InputError, match="the drive has 8"):
-        study_drive(data, number, {}, slice(8, None))
+        study_sequence(data, number, {}, slice(8, None))

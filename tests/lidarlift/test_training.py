@@ -11,15 +11,15 @@ from lidarlift.training import EPOCHS, TrainingOptions, require_torch
 from slam.data.errors import InputError
 
 
-def test_without_the_extra_it_is_named_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_training_packages_are_named_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     missing = ("torch", "lightning")
     monkeypatch.setattr("lidarlift.training.find_spec", lambda name: None if name in missing else find_spec("sys"))
     with pytest.raises(InputError) as raised:
         require_torch()
-    assert str(raised.value) == "training needs torch, lightning; install them: pip install 'lidarlift[train]'"
+    assert str(raised.value) == "training requires torch, lightning; install them: pip install 'lidarlift[train]'"
 
 
-def test_how_many_steps_there_are() -> None:
+def test_the_number_of_steps_follows_from_the_epochs() -> None:
     pytest.importorskip("torch")
     assert TrainingOptions(Path("o"), batch=4).plan("l2l", 10).steps == -(-10 * EPOCHS // 4)
     assert TrainingOptions(Path("o"), epochs=3, batch=4).plan("l2l", 10).steps == 8

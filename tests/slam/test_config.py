@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 
-from slam.config import load_config, preset_names
+from slam.config import RENAMED_SETTINGS, load_config, preset_names
 from slam.data.errors import InputError
 from slam.settings import Config
 
@@ -23,7 +24,7 @@ def refusal(source: str | Path | None = None, *overrides: str, **front_end: obje
     return str(error.value)
 
 
-def test_nothing_given_means_the_defaults() -> None:
+def test_without_arguments_settings_are_the_defaults() -> None:
     assert load_config() == Config()
     assert load_config().front_end.input == "64"
 
@@ -34,7 +35,7 @@ def test_all_presets_load() -> None:
         assert isinstance(load_config(name), Config)
 
 
-def test_presets_say_what_they_are_for() -> None:
+def test_presets_begin_with_a_comment() -> None:
     icp, scan = load_config("icp").odometry, load_config("scan-to-scan").odometry
     assert (icp.registration, icp.target) == ("icp-point-to-plane", "scan")
     assert (scan.registration, scan.target, scan.neighbours) == ("ndt", "scan", 7)
@@ -46,7 +47,7 @@ def test_presets_say_what_they_are_for() -> None:
 
 
 @pytest.mark.parametrize("name", ["64", "16", "enriched"])
-def test_one_rule_serves_all_inputs(tmp_path: Path, name: str) -> None:
+def test_the_input_changes_no_other_settings(tmp_path: Path, name: str) -> None:
     config = load_config(input=name)
     assert config.front_end.input == name
     assert config.odometry == Config().odometry
@@ -54,26 +55,36 @@ def test_one_rule_serves_all_inputs(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["16", "enriched"])
-def test_a_preset_of_an_input_that_is_gone_is_refused(name: str) -> None:
+def test_a_removed_preset_names_its_replacement(name: str) -> None:
     assert f"--input {name}" in refusal(f"channels-{name}")
 
 
 @pytest.mark.parametrize("key", ["odometry.unseen_tilt_deg", "pose_graph.held_back"])
-def test_a_setting_that_is_gone_says_so(tmp_path: Path, key: str) -> None:
+def test_a_removed_setting_is_an_error(tmp_path: Path, key: str) -> None:
     section, name = key.split(".")
     for message in (refusal(None, f"{key}=1"), refusal(written(tmp_path, f"{section}: {{{name}: 1}}\n"))):
-        assert f"'{key}' is gone; leave it out" in message
+        assert f"'{key}' was removed; leave it out" in message
         assert "\n" not in message
 
 
-def test_a_keyword_beats_the_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("old", "new"), RENAMED_SETTINGS.items())
+def test_a_renamed_setting_is_an_error_with_the_new_name(tmp_path: Path, old: str, new: str) -> None:
+    value: object = 1
+    for name in reversed(old.split(".")):
+        value = {name: value}
+    for message in (refusal(None, f"{old}=1"), refusal(written(tmp_path, yaml.safe_dump(value)))):
+        assert f"'{old}' was renamed; use '{new}'" in message
+    load_config(None, [f"{new}=1"])
+
+
+def test_keywords_override_the_file(tmp_path: Path) -> None:
     path = written(tmp_path, "front_end: {input: '16', phase: 2}\n")
     assert load_config(path, input="64").front_end.input == "64"
     assert load_config(path, input=None).front_end.input == "16"
     assert load_config(path, input="64").front_end.phase == 2
 
 
-def test_an_override_beats_the_file(tmp_path: Path) -> None:
+def test_overrides_override_the_file(tmp_path: Path) -> None:
     path = written(tmp_path, "odometry: {voxel_size: 0.7, kernel: 2.0}\nmap: {max_range: 50}\n")
     config = load_config(path, ["odometry.voxel_size=0.9", "odometry.cell_sizes=[4, 2, 1]", "map.voxel_size=0.3"])
     assert config.odometry.voxel_size == 0.9
@@ -83,11 +94,11 @@ def test_an_override_beats_the_file(tmp_path: Path) -> None:
     assert config.map.max_range == 50
 
 
-def test_an_empty_file_means_the_defaults(tmp_path: Path) -> None:
+def test_an_empty_file_gives_the_defaults(tmp_path: Path) -> None:
     assert load_config(written(tmp_path, "# nothing yet\n")) == Config()
 
 
-def test_settings_cannot_be_changed_afterwards() -> None:
+def test_settings_are_immutable() -> None:
     with pytest.raises(ValueError):
         load_config().odometry.voxel_size = 3.0  # type: ignore[misc]
 
@@ -104,13 +115,13 @@ def test_settings_cannot_be_changed_afterwards() -> None:
         ("max_position_sigma: 1", "'odometry.max_position_sigma'"),
     ],
 )
-def test_a_wrong_key_names_the_nearest_right_one(tmp_path: Path, text: str, right: str) -> None:
+def test_an_unknown_key_names_the_most_similar_one(tmp_path: Path, text: str, right: str) -> None:
     message = refusal(written(tmp_path, text))
     assert message.endswith(f"did you mean {right}?")
     assert "mine.yaml" in message
 
 
-def test_a_wrong_override_names_the_nearest_right_one() -> None:
+def test_an_unknown_key_in_an_override_names_the_most_similar_one() -> None:
     assert "'odometry.kernel'" in refusal(None, "odometry.kernle=2")
 
 
@@ -131,62 +142,62 @@ def test_a_wrong_override_names_the_nearest_right_one() -> None:
         ("front_end.drop=every-3rd", "front_end.drop"),
     ],
 )
-def test_a_value_that_makes_no_sense_is_refused(override: str, key: str) -> None:
+def test_an_invalid_value_is_an_error(override: str, key: str) -> None:
     assert key in refusal(None, override)
 
 
-def test_an_unknown_input_is_refused() -> None:
+def test_an_unknown_input_is_an_error() -> None:
     assert "front_end.input" in refusal(input="32")
 
 
-def test_icp_needs_the_scan_as_its_target() -> None:
+def test_icp_requires_scan_to_scan() -> None:
     override = "odometry.registration=icp-point-to-plane"
     assert "odometry.target=scan" in refusal(None, override)
     assert load_config(None, [override, "odometry.target=scan"]).odometry.registration == "icp-point-to-plane"
 
 
 @pytest.mark.parametrize("override", ["odometry.voxel_size", "odometry.voxel_size=", "=", ""])
-def test_an_override_is_section_key_and_value(override: str) -> None:
+def test_a_malformed_override_is_an_error(override: str) -> None:
     assert "section.key=value" in refusal(None, override)
 
 
 @pytest.mark.parametrize("text", ["odometry: [1", "odometry: {a: b", "\tseed: 1"])
-def test_what_is_not_yaml_is_refused(tmp_path: Path, text: str) -> None:
+def test_invalid_yaml_is_an_error(tmp_path: Path, text: str) -> None:
     message = refusal(written(tmp_path, text))
     assert "not YAML" in message
     assert "\n" not in message
 
 
-def test_bytes_are_not_yaml(tmp_path: Path) -> None:
+def test_binary_files_are_an_error(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_bytes(b"\xff\xfe\x00\x80")
     assert "not YAML" in refusal(path)
 
 
-def test_yaml_without_sections_is_refused(tmp_path: Path) -> None:
+def test_yaml_without_sections_is_an_error(tmp_path: Path) -> None:
     assert "sections" in refusal(written(tmp_path, "- 1\n- 2\n"))
     assert "is a section" in refusal(written(tmp_path, "odometry: 1\n"))
 
 
-def test_a_missing_file_names_the_presets(tmp_path: Path) -> None:
+def test_a_missing_file_lists_the_presets(tmp_path: Path) -> None:
     message = refusal(tmp_path / "missing.yaml")
     assert "missing.yaml" in message
     assert "scan-to-scan" in message
 
 
 @pytest.mark.parametrize("text", ["odometry:\n", "odometry: 1\n"])
-def test_an_override_into_what_is_no_section_is_refused(tmp_path: Path, text: str) -> None:
+def test_an_override_of_an_unknown_section_is_an_error(tmp_path: Path, text: str) -> None:
     assert "odometry" in refusal(written(tmp_path, text), "odometry.kernel=2")
 
 
-def test_an_override_into_a_value_is_refused() -> None:
+def test_an_override_below_a_value_is_an_error() -> None:
     assert "kernel" in refusal(None, "odometry.kernel=1", "odometry.kernel.x=2")
 
 
-def test_an_override_that_is_not_yaml_is_refused() -> None:
+def test_an_override_with_invalid_yaml_is_an_error() -> None:
     assert "odometry.kernel" in refusal(None, "odometry.kernel=[1")
 
 
-def test_input_16_may_be_written_without_quotes(tmp_path: Path) -> None:
+def test_input_16_may_be_unquoted(tmp_path: Path) -> None:
     assert load_config(written(tmp_path, "front_end: {input: 16}\n")).front_end.input == "16"
     assert load_config(None, ["front_end.input=16"]).front_end.input == "16"

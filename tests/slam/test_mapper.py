@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
-from slam.mapper import Mapper, MappingResult, placed
+from slam.mapper import Mapper, MappingResult, corrected_poses
 from slam.odometry import OdometryStep
 
 SIDE = 36.0  # metres, of a square block that is driven around
@@ -90,7 +90,7 @@ def distance(poses: Array, truth: Array) -> Array:
     return np.linalg.norm(poses[:, :3, 3] - truth[:, :3, 3], axis=1)
 
 
-def test_a_loop_takes_the_drift_away(mapping: MappingResult) -> None:
+def test_a_loop_removes_drift(mapping: MappingResult) -> None:
     truth = way()
     odometry = drifting(truth)
     corrected = mapping.corrected(odometry)
@@ -106,13 +106,13 @@ def test_a_loop_takes_the_drift_away(mapping: MappingResult) -> None:
             assert np.linalg.norm(error[:3, 3]) < 0.5
 
 
-def test_it_is_the_same_every_time(mapping: MappingResult, scans: list[PointCloud]) -> None:
+def test_mapping_is_deterministic(mapping: MappingResult, scans: list[PointCloud]) -> None:
     again = mapped(scans, drifting(way()))
     assert mapping.poses.tobytes() == again.poses.tobytes()
     assert mapping.map.xyz.tobytes() == again.map.xyz.tobytes()
 
 
-def test_without_loops_the_odometry_stays_as_it_is(scans: list[PointCloud]) -> None:
+def test_without_loops_the_poses_are_the_odometry(scans: list[PointCloud]) -> None:
     odometry = drifting(way())
     mapping = mapped(scans, odometry, "loops.enabled=false")
     assert mapping.ledger == []
@@ -120,9 +120,7 @@ def test_without_loops_the_odometry_stays_as_it_is(scans: list[PointCloud]) -> N
     np.testing.assert_array_equal(mapping.poses, mapping.keyframes.poses)
 
 
-def test_degenerate_scans_make_keyframes_loops_and_map_as_others_do(
-    mapping: MappingResult, scans: list[PointCloud]
-) -> None:
+def test_degenerate_scans_are_mapped_like_others(mapping: MappingResult, scans: list[PointCloud]) -> None:
     degenerate = mapped(scans, drifting(way()), status="degenerate")
     assert degenerate.loops == mapping.loops
     assert degenerate.poses.tobytes() == mapping.poses.tobytes()
@@ -138,7 +136,7 @@ def test_failed_scans_make_no_keyframes(scans: list[PointCloud]) -> None:
     np.testing.assert_array_equal(mapping.corrected(np.eye(4)[None]), np.eye(4)[None])
 
 
-def test_what_goes_wrong_in_the_thread_is_raised(scans: list[PointCloud]) -> None:
+def test_exceptions_of_the_thread_are_raised(scans: list[PointCloud]) -> None:
     def broken() -> Array:
         raise OSError("no such image")
 
@@ -172,20 +170,20 @@ def bent(keyframes: Array, degrees: float) -> Array:
 
 
 @given(odometry=motions, world=motions, bend=st.floats(-10, 10))
-def test_where_the_worlds_origin_is_does_not_matter(odometry: Array, world: Array, bend: float) -> None:
+def test_corrections_do_not_depend_on_the_origin(odometry: Array, world: Array, bend: float) -> None:
     """Of the odometry's world and of the optimised one, each moved by up to 10 km and 60 deg an axis."""
     poses = straight(np.eye(4))
     optimised = bent(poses[AT], bend)
-    near = placed(poses, AT, poses[AT], optimised)
-    far = placed(odometry @ poses, AT, odometry @ poses[AT], world @ optimised)
+    near = corrected_poses(poses, AT, poses[AT], optimised)
+    far = corrected_poses(odometry @ poses, AT, odometry @ poses[AT], world @ optimised)
     np.testing.assert_allclose(far, world @ near, atol=1e-7)
 
 
 @given(start=motions, bend=st.floats(-10, 10))
-def test_keyframes_are_where_they_were_optimised_to_and_carry_the_ends(start: Array, bend: float) -> None:
+def test_keyframes_get_their_optimised_pose_and_move_the_ends(start: Array, bend: float) -> None:
     poses = straight(start)
     optimised = bent(poses[AT], bend)
-    found = placed(poses, AT, poses[AT], optimised)
+    found = corrected_poses(poses, AT, poses[AT], optimised)
     np.testing.assert_allclose(found[AT], optimised, atol=1e-7)
     for ends, keyframe in ((slice(0, 2), 0), (slice(10, 12), 2)):
         seen = se3.inverse(poses[AT[keyframe]]) @ poses[ends]
@@ -193,12 +191,12 @@ def test_keyframes_are_where_they_were_optimised_to_and_carry_the_ends(start: Ar
 
 
 @pytest.mark.parametrize("away", [0.0, 2000.0, 10000.0])
-def test_a_frame_stays_on_the_way_however_far_from_the_start(away: float) -> None:
+def test_corrected_frames_stay_on_the_path_far_from_the_start(away: float) -> None:
     """Its distance from the straight line between two keyframes whose corrections are 2 deg apart, here 1.5 m."""
     start = se3.exp(np.array([0, 0, 0.3, away, 0, 0]))
     poses = straight(start)
     optimised = bent(poses[AT], 2.0)
-    found = placed(poses, AT, poses[AT], optimised)
+    found = corrected_poses(poses, AT, poses[AT], optimised)
     seen = se3.inverse(optimised[0]) @ found[AT[0] : AT[1]]
     end = (se3.inverse(optimised[0]) @ optimised[1])[:3, 3]
     aside = np.linalg.norm(np.cross(seen[:, :3, 3], end / np.linalg.norm(end)), axis=1)

@@ -72,7 +72,7 @@ def frames() -> list[Frame]:
 
 
 def slam() -> Slam:
-    overrides = ["loops.scan_context.min_travelled=60"]
+    overrides = ["loops.scan_context.min_travelled_distance=60"]
     return Slam(load_config(None, overrides), odometry=Drifting())
 
 

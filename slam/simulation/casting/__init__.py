@@ -1,1 +1,1 @@
-"""Rays against triangles, in packets, through Intel's Embree."""
+"""Ray casting against triangles, in packets, by Intel's Embree."""

@@ -1,4 +1,4 @@
-"""Rays cast into scenes."""
+"""Ray casting into several scenes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class RayCaster:
     """Casts rays into several scenes at once.
 
     Args:
-        scenes: Their triangles count from 0 on, one scene's after another's.
-        centre: (3,) float64, the origin of all of them: Embree computes in float32.
+        scenes: The scenes; their triangles are numbered consecutively.
+        centre: (3,) float64, common origin of the scenes, since Embree computes in float32.
     """
 
     def __init__(self, scenes: Sequence[TriangleScene], centre: Array) -> None:
@@ -31,13 +31,16 @@ class RayCaster:
         self._firsts = np.cumsum([0, *(len(scene) for scene in scenes[:-1])]).astype(np.int32)
 
     def cast(self, origin: Array, direction: Array, order: Array | None = None) -> tuple[Array, Array, Array]:
-        """The first triangle that each ray meets: origin (3,) or (N, 3), direction (N, 3) float32.
+        """Find the first triangle hit by each ray.
 
-        Rays are cast in packets of those that follow each other in `order` (N,) int32: it is quicker where these go
-        nearly the same way.
+        Args:
+            origin: (3,) or (N, 3).
+            direction: (N, 3) float32.
+            order: (N,) int32; packets hold consecutive rays of this order, and are faster for similar directions.
 
-        Returns reach (N,) float32 in units of the direction, triangle (N,) int32, and normal (N, 3) float32 of unit
-        length; inf, -1 and zero where a ray meets nothing.
+        Returns:
+            Distance (N,) float32 in units of the direction, triangle (N,) int32, and unit normal (N, 3) float32; inf,
+            -1 and zero for rays without a hit.
         """
         together, _, apart, work = _memory()
         reach, triangle, normal = kernels.cast(
@@ -47,9 +50,12 @@ class RayCaster:
         return reach, triangle, normal
 
     def hidden(self, origin: Array, direction: Array, alike: bool = True) -> Array:
-        """(N,) bool: whether anything stands in a ray's way, at whatever distance.
+        """Check which rays (N,) bool hit anything, at any distance.
 
-        It is quicker to say where rays that follow each other are not `alike`, and go all ways.
+        Args:
+            origin: (3,) or (N, 3).
+            direction: (N, 3) float32.
+            alike: Consecutive rays have similar directions; stating False is faster if they have not.
         """
         _, together, apart, work = _memory()
         together = together if alike else apart
@@ -76,8 +82,7 @@ class _Arguments(ctypes.Structure):
 
 @lru_cache(maxsize=1)
 def _memory() -> tuple[_Arguments, _Arguments, _Arguments, Array]:
-    """Arguments for packets that look for the nearest hit, for those that look for any, and for single rays; and the
-    kernels' working memory."""
+    """Embree's arguments for nearest hits of packets, any hits of packets and single rays, and the work memory."""
     shape = (3, kernels.ROWS, kernels.LANES)
     raw = np.zeros(4 * int(np.prod(shape)) + ALIGNMENT, np.uint8)
     start = -raw.ctypes.data % ALIGNMENT

@@ -1,4 +1,4 @@
-"""The ray caster that this system has."""
+"""Selection of the ray caster that is available on this system."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Embree 4 as the package embreex brings it, and the scenes that its rays are cast into.
+"""Interface to Embree 4 from the package embreex, and its scenes.
 
-embreex's own Python interface casts rays one at a time. Packets of neighbouring rays take half of that, so its
-library is called directly: from here to set up scenes (ctypes), from `kernels` to cast rays.
-https://github.com/RenderKit/embree/blob/v4.4.0/doc/src/api.md has the constants and structures.
+embreex's Python interface casts single rays. Packets of neighbouring rays take half of the time, so the library is
+called directly: from this module to set up scenes (ctypes), and from `kernels` to cast rays. The constants and
+structures are documented in https://github.com/RenderKit/embree/blob/v4.4.0/doc/src/api.md.
 """
 
 from __future__ import annotations
@@ -45,7 +45,11 @@ _FUNCTIONS = {
 
 
 def library() -> Path:
-    """Embree's shared library among the files of embreex. Raises InputError where it is not there."""
+    """Return the path of Embree's shared library in embreex.
+
+    Raises:
+        InputError: It is missing.
+    """
     spec = find_spec("embreex")
     package = Path(spec.submodule_search_locations[0]) if spec and spec.submodule_search_locations else None
     if package is not None:
@@ -57,7 +61,7 @@ def library() -> Path:
 
 
 class TriangleScene:
-    """Triangles that rays can be cast into.
+    """A scene of triangles for ray casting.
 
     Args:
         vertices: (V, 3) float32.
@@ -92,7 +96,7 @@ class TriangleScene:
 
 @lru_cache(maxsize=1)
 def load() -> ctypes.CDLL:
-    """The library, and its functions made known to compiled kernels by their names."""
+    """Load the library, and register its functions by name for compiled kernels."""
     path = str(library())
     llvmlite.binding.load_library_permanently(path)
     embree = ctypes.CDLL(path)
@@ -112,7 +116,7 @@ def _embree() -> tuple[ctypes.CDLL, int]:
 
 
 def has_packets() -> bool:
-    """Whether embreex is installed and casts eight rays at once on this CPU: one without AVX does not."""
+    """Check whether embreex is installed and casts packets of eight rays on this CPU, which needs AVX."""
     if find_spec("embreex") is None:
         return False
     embree, device = _embree()

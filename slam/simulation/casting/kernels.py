@@ -1,5 +1,6 @@
-"""The loops of ray casting: rays in packets of eight, through Embree's functions. Nothing else here, for numba's
-cache does not see a change in another.
+"""Kernels of ray casting: packets of eight rays, by Embree's functions.
+
+This file holds kernels only, with all that they call: numba's cache does not see changes in other files.
 
 A packet is a structure of arrays of LANES 32-bit numbers each, in the order of Embree's RTCRayHit8: `_OX` .. name the
 rows. Triangles that lie in one plane and overlap can be equally far to the last bit, and a ray can pass so near to a
@@ -54,8 +55,10 @@ def note_edges(arguments):
 
 @cfunc(types.void(types.CPointer(types.voidptr)), cache=True)
 def note_ties(arguments):
-    """Embree's filter where a ray asks for the nearest: notes how far that is, and whether another is as near. Hits a
-    little farther than the nearest go on being offered."""
+    """Embree's filter for nearest hits: note the distance of the nearest hit, and whether another one is as near.
+
+    Hits that are slightly farther than the nearest are still reported by Embree.
+    """
     valid = carray(arguments[0], LANES, np.int32)
     ray = carray(arguments[3], (_FLAGS + 1, LANES), np.float32)
     tied = carray(arguments[3], (_FLAGS + 1, LANES), np.uint32)[_TIED]
@@ -143,14 +146,21 @@ def _keep(packet, bits, lanes, number, first, reach, triangle, normal):
 
 @njit(cache=True, nogil=True)
 def cast(origin, direction, order, centre, scenes, firsts, work, together, apart):
-    """The first triangle that each ray meets; origin (1, 3) or (N, 3), direction (N, 3) float32.
+    """Find the first triangle hit by each ray.
 
-    order             (N,) int32 in which rays are taken together, or (0,): as they come
-    scenes            (S,) int64: addresses of scenes whose origin is `centre` (3,), their triangles numbered from
-                      `firsts` (S,) on
-    work              (3, ROWS, LANES) float32, aligned: a packet, a ray of its own, and which lanes have a ray
-    together, apart   addresses of Embree's arguments for packets and for single rays
-    Returns reach (N,) float32, inf where nothing is met, triangle (N,) int32, there -1, normal (N, 3) float32.
+    Args:
+        origin: (1, 3) or (N, 3).
+        direction: (N, 3) float32.
+        order: (N,) int32 in which rays are grouped into packets, or (0,) for the given order.
+        centre: (3,) origin of the scenes.
+        scenes: (S,) int64, addresses of the scenes.
+        firsts: (S,) number of the first triangle of each scene.
+        work: (3, ROWS, LANES) float32, aligned: a packet, a single ray, and which lanes have a ray.
+        together: Address of Embree's arguments for packets.
+        apart: Address of Embree's arguments for single rays.
+
+    Returns:
+        Distance (N,) float32, inf without a hit, triangle (N,) int32, -1 without a hit, normal (N, 3) float32.
     """
     count = len(direction)
     reach = np.full(count, np.inf, np.float32)
@@ -169,7 +179,7 @@ def cast(origin, direction, order, centre, scenes, firsts, work, together, apart
 
 @njit(cache=True, nogil=True)
 def hidden(origin, direction, centre, scenes, work, together, apart):
-    """(N,) bool: whether anything stands in a ray's way, at whatever distance; as `cast`."""
+    """Check which rays (N,) bool hit anything, at any distance; arguments as in `cast`."""
     count = len(direction)
     found = np.zeros(count, np.bool_)
     packet, single = work[0], work[1].ravel()

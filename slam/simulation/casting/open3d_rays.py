@@ -1,4 +1,4 @@
-"""Rays one at a time, through Open3D: where embreex has no wheel (Linux on ARM), or the CPU no AVX. Half as fast."""
+"""Ray casting by Open3D, half as fast: used where embreex has no wheel (Linux on ARM) or the CPU has no AVX."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class RayCaster:
         self._scenes, self._centre = tuple(scenes), centre
 
     def cast(self, origin: Array, direction: Array, order: Array | None = None) -> tuple[Array, Array, Array]:
-        """The first triangle that each ray meets, whatever their order."""
+        """Find the first triangle hit by each ray; the order has no effect."""
         del order
         rays, first = self._rays(origin, direction), 0
         reach = np.full(len(direction), np.inf, np.float32)
@@ -49,7 +49,7 @@ class RayCaster:
         return reach, triangle, normal
 
     def hidden(self, origin: Array, direction: Array, alike: bool = True) -> Array:
-        """(N,) bool: whether anything stands in a ray's way, at whatever distance."""
+        """Check which rays (N,) bool hit anything, at any distance."""
         del alike
         rays, found = self._rays(origin, direction), np.zeros(len(direction), bool)
         for scene in self._scenes:

@@ -1,4 +1,4 @@
-"""What stands where: each room is furnished as its kind is, and nothing stands in a door or in the way of the walk."""
+"""Furnishing of the rooms by their kind, with doors and the path of the walk kept free."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TRIES = 14  # places that are tried for a thing before it is left out
 
 
 class Furnisher:
-    """One room that fills up. `way` (N, 2): the walk on that floor."""
+    """Places furniture in one room; `way` (N, 2) is the path of the walk on that floor."""
 
     def __init__(self, room: Room, way: Array, rng: np.random.Generator) -> None:
         self.room, self._way, self._rng = room, way, rng
@@ -33,11 +33,11 @@ class Furnisher:
 
     @property
     def mesh(self) -> Mesh:
-        """All that has found its place, on the room's floor in the building."""
+        """Return all placed furniture, at the height of the room's floor in the building."""
         return joined(self._things).placed(0, 0, self.room.floor * STOREY)
 
     def at_wall(self, thing: Make, count: int = 1, windows: bool = False, sides: Sequence[int] = (0, 1, 2, 3)) -> None:
-        """So many, at walls (east 0, north 1, west 2, south 3), those with windows too for what is low."""
+        """Place `count` things at walls (east 0, north 1, west 2, south 3), with `windows` also below windows."""
         outer = 3 if self.room.y == SOUTH else 1
         allowed = [side for side in sides if windows or self.room.kind == "corridor" or side != outer]
         for _ in range(count):
@@ -50,7 +50,7 @@ class Furnisher:
                     break
 
     def on_grid(self, thing: Make, step: tuple[float, float]) -> None:
-        """As many as fit in rows, a walking space away from the walls."""
+        """Place as many things as fit in rows, a walking space away from the walls."""
         low, high = self._low + 0.5, self._high - 0.5
         counts = np.maximum(((high - low) / step).astype(int), 1)
         for x in low[0] + (np.arange(counts[0]) + 0.5) * (high - low)[0] / counts[0]:
@@ -58,7 +58,7 @@ class Furnisher:
                 self._put(thing(self._rng).placed(x, y, 0, self._rng.normal(0, 0.03)))
 
     def free(self, thing: Make, count: int = 1) -> None:
-        """So many anywhere on the floor."""
+        """Place `count` things anywhere on the floor."""
         for _ in range(count):
             mesh = thing(self._rng)
             for _ in range(TRIES):
@@ -67,17 +67,17 @@ class Furnisher:
                     break
 
     def below_windows(self, thing: Make) -> None:
-        """One below each."""
+        """Place one thing below each window."""
         for opening in self._openings:
             if opening.kind == "window" and opening.across == 1:
                 self._put(self._against(thing(self._rng), 3 if self.room.y == SOUTH else 1, opening.at))
 
     def hang(self, thing: Make, side: int, along: float, height: float) -> None:
-        """One on a wall, so much higher than from the floor."""
+        """Hang a thing on a wall, `height` above the floor."""
         self._things.append(self._against(thing(self._rng), side, along).placed(0, 0, height))
 
     def lamps(self, thing: Make, step: float) -> None:
-        """In rows under the ceiling."""
+        """Place lamps in rows under the ceiling."""
         size = self._high - self._low
         counts = np.maximum(np.round(size / step).astype(int), 1)
         for x in self._low[0] + (np.arange(counts[0]) + 0.5) * size[0] / counts[0]:
@@ -107,7 +107,7 @@ class Furnisher:
 
 
 def furnished(room: Room, way: Array, rng: np.random.Generator) -> Mesh:
-    """All that stands in a room."""
+    """Return the furniture of a room."""
     one = Furnisher(room, way, rng)
     if room.kind not in ("corridor", "stairs"):
         one.below_windows(make.radiator)

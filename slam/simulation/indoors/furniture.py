@@ -1,7 +1,7 @@
-"""What stands in rooms and hangs on their walls.
+"""Furniture in rooms and on walls.
 
-Everything stands on z = 0. What stands at a wall has its back in the plane y = 0 and looks to -y, around x = 0; what
-stands free is centred on the origin.
+Everything stands on z = 0. Furniture at a wall has its back in the plane y = 0 and faces -y, centred on x = 0; free
+furniture is centred on the origin.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ WHITE: Colour = (232, 232, 228)
 
 
 def table(rng: np.random.Generator, length: float = 1.4, width: float = 0.8) -> Mesh:
-    """With four legs and an apron."""
+    """Create a table with four legs and an apron."""
     wood = shade(rng, WOODS)
     x, y = length / 2 - 0.07, width / 2 - 0.07
     legs = [box((0.05, 0.05, 0.7), "wood", wood).placed(a, b, 0) for a in (-x, x) for b in (-y, y)]
@@ -34,7 +34,7 @@ def table(rng: np.random.Generator, length: float = 1.4, width: float = 0.8) -> 
 
 
 def chair(rng: np.random.Generator) -> Mesh:
-    """Looks to -y."""
+    """Create a chair that faces -y."""
     wood, cloth = shade(rng, WOODS), shade(rng, FABRICS)
     legs = [box((0.04, 0.04, 0.44), "wood", wood).placed(x, y, 0) for x in (-0.19, 0.19) for y in (-0.19, 0.19)]
     posts = [box((0.04, 0.03, 0.44), "wood", wood).placed(x, 0.2, 0.46) for x in (-0.19, 0.19)]
@@ -43,7 +43,7 @@ def chair(rng: np.random.Generator) -> Mesh:
 
 
 def desk(rng: np.random.Generator) -> Mesh:
-    """At a wall, with a screen, papers, drawers and a chair before it."""
+    """Create a desk at a wall, with a screen, papers, drawers and a chair."""
     width, front = rng.uniform(1.3, 1.7), shade(rng, FRONTS)
     x = rng.uniform(-0.2, 0.2)
     top = box((width, 0.75, 0.03), "wood", shade(rng, WOODS)).placed(0, -0.4, 0.71)
@@ -61,7 +61,7 @@ def desk(rng: np.random.Generator) -> Mesh:
 
 
 def office_chair(rng: np.random.Generator) -> Mesh:
-    """On five castors; looks to -y."""
+    """Create an office chair on five castors that faces -y."""
     cloth = shade(rng, FABRICS)
     foot = box((0.3, 0.05, 0.05), "laminate", DARK).placed(0.15, 0, 0.05)
     feet = [foot.placed(0, 0, 0, 2 * np.pi * turn / 5) for turn in range(5)]
@@ -71,7 +71,7 @@ def office_chair(rng: np.random.Generator) -> Mesh:
 
 
 def shelf(rng: np.random.Generator) -> Mesh:
-    """At a wall, with boards, and books or boxes on them."""
+    """Create a shelf at a wall, with books or boxes on its boards."""
     width, deep, height = rng.uniform(0.8, 1.2), rng.uniform(0.28, 0.4), rng.uniform(1.7, 2.1)
     wood = shade(rng, WOODS)
     parts = [box((0.025, deep, height), "wood", wood).placed(x, -deep / 2, 0) for x in (-width / 2, width / 2)]
@@ -94,7 +94,7 @@ def _books(rng: np.random.Generator, width: float, deep: float, z: float) -> Ite
 
 
 def cupboard(rng: np.random.Generator) -> Mesh:
-    """At a wall, with two doors."""
+    """Create a cupboard at a wall, with two doors."""
     width, deep, height = rng.uniform(0.8, 1.2), rng.uniform(0.4, 0.6), rng.uniform(1.7, 2.1)
     front = shade(rng, FRONTS)
     darker = (int(0.85 * front[0]), int(0.85 * front[1]), int(0.85 * front[2]))
@@ -108,7 +108,7 @@ def cupboard(rng: np.random.Generator) -> Mesh:
 
 
 def lockers(rng: np.random.Generator) -> Mesh:
-    """A row at a wall, in a colour each or all the same."""
+    """Create a row of lockers at a wall, in one or several colours."""
     paint = shade(rng, [(92, 116, 140), (150, 60, 52), (170, 172, 168)])
     count = int(rng.integers(3, 6))
     parts = []
@@ -121,7 +121,7 @@ def lockers(rng: np.random.Generator) -> Mesh:
 
 
 def bed(rng: np.random.Generator) -> Mesh:
-    """Its head at a wall, with a blanket and a pillow."""
+    """Create a bed with its head at a wall, with a blanket and a pillow."""
     width, wood = rng.uniform(0.95, 1.5), shade(rng, WOODS)
     leg = box((0.06, 0.06, 0.15), "wood", wood)
     return joined(
@@ -137,7 +137,7 @@ def bed(rng: np.random.Generator) -> Mesh:
 
 
 def sofa(rng: np.random.Generator) -> Mesh:
-    """At a wall, for two or three."""
+    """Create a sofa at a wall, for two or three persons."""
     width, cloth = rng.uniform(1.5, 2.1), shade(rng, FABRICS)
     arms = [box((0.18, 0.85, 0.6), "fabric", cloth).placed(side * (width / 2 - 0.09), -0.45, 0.05) for side in (-1, 1)]
     cushion = box((width / 2 - 0.2, 0.6, 0.16), "fabric", cloth)
@@ -147,7 +147,7 @@ def sofa(rng: np.random.Generator) -> Mesh:
 
 
 def radiator(rng: np.random.Generator) -> Mesh:
-    """At a wall, below a window."""
+    """Create a radiator at a wall, below a window."""
     width = rng.uniform(0.9, 1.3)
     ribs = np.arange(-width / 2, width / 2, 0.06)
     parts = [box((0.04, 0.1, 0.55), "laminate", WHITE).placed(x, -0.09, 0.14) for x in ribs]
@@ -156,7 +156,7 @@ def radiator(rng: np.random.Generator) -> Mesh:
 
 
 def plant(rng: np.random.Generator) -> Mesh:
-    """In a pot: leaves around a stem."""
+    """Create a plant in a pot: leaves around a stem."""
     height, clay = rng.uniform(0.9, 1.7), shade(rng, [(166, 98, 70), (206, 204, 196), DARK])
     pot = cylinder([0.13, 0.17], [(0, 0, 0), (0, 0, 0.3)], 10, "concrete", clay)
     stem = cylinder([0.015, 0.01], [(0, 0, 0.3), (0.03, 0.02, height - 0.1)], 4, "bark")
@@ -172,7 +172,7 @@ def plant(rng: np.random.Generator) -> Mesh:
 
 
 def picture(rng: np.random.Generator) -> Mesh:
-    """Or a poster or a notice board: on a wall, at eye level."""
+    """Create a picture, a poster or a notice board on a wall, at eye level."""
     width, height = rng.uniform(0.4, 1.2), rng.uniform(0.4, 0.9)
     frame = box((width, 0.02, height), "wood", pick(rng, [*WOODS, DARK])).placed(0, -0.01, 1.55 - height / 2)
     parts, rows = [frame], int(rng.integers(2, 5))
@@ -187,7 +187,7 @@ def picture(rng: np.random.Generator) -> Mesh:
 
 
 def whiteboard(rng: np.random.Generator) -> Mesh:
-    """On a wall, with something written on it."""
+    """Create a whiteboard with writing on a wall."""
     board = box((2.4, 0.02, 1.1), "laminate", (238, 240, 240)).placed(0, -0.02, 0.95)
     rim = [box((2.46, 0.04, 0.03), "metal", STEEL).placed(0, -0.02, z) for z in (0.93, 2.05)]
     lines = []
@@ -199,12 +199,12 @@ def whiteboard(rng: np.random.Generator) -> Mesh:
 
 
 def bin_(rng: np.random.Generator) -> Mesh:
-    """For paper."""
+    """Create a waste paper bin."""
     return cylinder([0.12, 0.16], [(0, 0, 0), (0, 0, 0.34)], 10, "laminate", shade(rng, [DARK, (64, 96, 140), STEEL]))
 
 
 def carton(rng: np.random.Generator) -> Mesh:
-    """Or two, one on the other."""
+    """Create a carton, or two on top of each other."""
     size, brown = rng.uniform(0.3, 0.6, 3), shade(rng, [(170, 132, 92), (188, 152, 110)])
     lower = box((size[0], size[1], size[2]), "paper", brown)
     upper = box((0.7 * size[0], 0.8 * size[1], 0.3), "paper", brown).placed(0.02, 0, size[2], rng.uniform(-0.4, 0.4))
@@ -212,21 +212,21 @@ def carton(rng: np.random.Generator) -> Mesh:
 
 
 def extinguisher(_: np.random.Generator) -> Mesh:
-    """On a wall, with its sign above."""
+    """Create a fire extinguisher on a wall, with its sign above."""
     red: Colour = (176, 32, 34)
     bottle = cylinder([0.07, 0.07, 0.02], [(0, -0.1, 0.7), (0, -0.1, 1.1), (0, -0.1, 1.2)], 8, "laminate", red)
     return joined([bottle, box((0.2, 0.01, 0.2), "sign", red).placed(0, -0.006, 1.6)])
 
 
 def bench(rng: np.random.Generator) -> Mesh:
-    """At a wall, without a back."""
+    """Create a bench without a back at a wall."""
     width, wood = rng.uniform(1.2, 1.8), shade(rng, WOODS)
     feet = [box((0.06, 0.32, 0.42), "metal", DARK).placed(x * width, -0.2, 0) for x in (-0.4, 0.4)]
     return joined([*feet, box((width, 0.36, 0.05), "wood", wood).placed(0, -0.2, 0.42)])
 
 
 def group(rng: np.random.Generator, length: float, seats: int) -> Mesh:
-    """A table with so many chairs on either long side, some of them pushed back."""
+    """Create a table with `seats` chairs on both long sides, some of them pushed back."""
     parts = [table(rng, length, 0.8)]
     for side in (-1, 1):
         for x in (np.arange(seats) + 0.5) * length / seats - length / 2:
@@ -236,13 +236,13 @@ def group(rng: np.random.Generator, length: float, seats: int) -> Mesh:
 
 
 def panel_lamp(_: np.random.Generator) -> Mesh:
-    """Flat under a ceiling at z = 0."""
+    """Create a flat lamp under a ceiling at z = 0."""
     rim = box((1.24, 0.34, 0.05), "laminate", (206, 206, 204)).placed(0, 0, -0.05)
     return joined([rim, box((1.18, 0.28, 0.012), "lamp").placed(0, 0, -0.062)])
 
 
 def hanging_lamp(rng: np.random.Generator) -> Mesh:
-    """On a cord from a ceiling at z = 0."""
+    """Create a lamp on a cord from a ceiling at z = 0."""
     cord = cylinder([0.006, 0.006], [(0, 0, -0.55), (0, 0, 0)], 4, "laminate", DARK)
     hood = cylinder([0.24, 0.06], [(0, 0, -0.7), (0, 0, -0.5)], 10, "laminate", shade(rng, FABRICS))
     return joined([cord, hood, cylinder([0.09, 0.09], [(0, 0, -0.73), (0, 0, -0.66)], 8, "lamp")])

@@ -32,13 +32,16 @@ class Room(NamedTuple):
 
 
 class Opening(NamedTuple):
-    """A hole in a wall.
+    """An opening in a wall.
 
-    across  0: in a wall of constant x, 1: of constant y; `line` is that x or y
-    at      the other coordinate of its middle
-    foot    height of its lower edge above the floor
-    leaf    how far its door is open [rad], from closed (0) to flat at the wall (about 3); None: no door
-    side    of the wall on which the door is hung and a window's room lies, as the sign of x or y
+    Attributes:
+        floor: Floor 0 or 1.
+        across: 0: in a wall of constant x, 1: of constant y.
+        line: The constant x or y of the wall.
+        at: The other coordinate of its centre.
+        foot: Height of its lower edge above the floor.
+        leaf: Opening angle of its door [rad], from closed (0) to flat at the wall (about 3); None: no door.
+        side: Side of the wall with the hinges of the door, or with the room of a window, as the sign of x or y.
     """
 
     kind: Literal["door", "portal", "window"]
@@ -60,12 +63,12 @@ class Stairs(NamedTuple):
 
     @property
     def up(self) -> float:
-        """x of the middle of the flight from the ground floor to the landing."""
+        """Coordinate x of the centre of the flight from the ground floor to the landing."""
         return self.west + WELL - HALF - FLIGHT / 2
 
     @property
     def on(self) -> float:
-        """x of the middle of the flight from the landing to the upper floor."""
+        """Coordinate x of the centre of the flight from the landing to the upper floor."""
         return self.west + HALF + FLIGHT / 2
 
 

@@ -18,7 +18,7 @@ from slam.simulation.mesh import Mesh, joined
 
 
 class BuildingScene:
-    """See `Scene`. The plan is always the same; its surfaces and its furniture are the seed's."""
+    """A `Scene` in a building: the plan is constant, surfaces and furniture depend on the seed."""
 
     def __init__(self, drive: Drive, seed: int, rng: np.random.Generator) -> None:
         assert drive.path is not None
@@ -26,7 +26,7 @@ class BuildingScene:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """All of it."""
+        """The whole building."""
         upstairs = np.round(self._drive.position[:, 2] / STOREY)
         parts = [stairs_mesh(stairs) for stairs in (WEST, EAST)]
         for index, room in enumerate(ROOMS):
@@ -38,13 +38,13 @@ class BuildingScene:
         return joined(parts)
 
     def poses(self, height: float) -> Array:
-        """(N, 4, 4) T_world_lidar, `height` metres above the floor on average: the path's own where that is HAND."""
+        """Return the poses (N, 4, 4) T_world_lidar, on average `height` [m] above the floor (HAND: the path itself)."""
         poses = np.array(self._path(self._drive.stamps))
         poses[:, 2, 3] += height - HAND
         return poses
 
     def look(self, rng: np.random.Generator) -> Look:
-        """Lamps and daylight from everywhere, a little warmer or colder; corners and what stands close are darker."""
+        """Draw diffuse light of lamps and daylight, with a random colour temperature; corners are darker."""
         warmth = float(rng.uniform(-0.03, 0.05))
         white = (1.0 + warmth, 1.0, 1.0 - 1.5 * warmth)
         return Look(
@@ -61,9 +61,9 @@ class BuildingScene:
         )
 
     def around(self, place: Array, radius: float) -> Mesh:
-        """The whole building: it is small."""
+        """Return the whole building, since it is small."""
         return self.mesh
 
     def moving(self, index: int) -> list[Mesh]:
-        """Nobody is about."""
+        """Return no moving objects."""
         return []

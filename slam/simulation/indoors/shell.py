@@ -54,7 +54,7 @@ class Style(NamedTuple):
 
 
 def room_shell(room: Room, style: Style) -> Mesh:
-    """Its inner faces at their place in the building, with holes where openings are, floor and ceiling."""
+    """Create the inner faces of a room at their place in the building, with its openings, floor and ceiling."""
     inner = [(low + HALF, high - HALF) for low, high in (room.x, room.y)]
     parts: list[Mesh] = []
     for across, spans in enumerate((room.x, room.y)):
@@ -66,7 +66,7 @@ def room_shell(room: Room, style: Style) -> Mesh:
 
 
 def openings_of(room: Room, across: int, line: float) -> list[Opening]:
-    """Those in that wall of a room."""
+    """Return the openings in a wall of a room."""
     low, high = (room.y, room.x)[across]
     return [
         opening
@@ -76,7 +76,7 @@ def openings_of(room: Room, across: int, line: float) -> list[Opening]:
 
 
 def opening_parts(opening: Opening, rng: np.random.Generator) -> Mesh:
-    """What is in a hole, at its place in the building: the reveals, a frame, a door or panes."""
+    """Create the parts of an opening at its place in the building: reveals, frame, door or panes."""
     upright = joined(_window(opening, rng) if opening.kind == "window" else _door(opening, rng))
     turn = 0.0 if opening.across else np.pi / 2  # built along x, with its room or its door's leaf at the side of +y
     x, y = (opening.at, opening.line) if opening.across else (opening.line, opening.at)

@@ -16,7 +16,7 @@ HANDRAIL: Colour = (132, 92, 58)
 
 
 def stairs_mesh(stairs: Stairs) -> Mesh:
-    """At their place in the building."""
+    """Create stairs at their place in the building."""
     landing = RISERS * RISE
     foot, head = np.array([FOOT, 0.0]), np.array([HEAD, landing])  # y, z
     middle, y = stairs.west + WELL / 2, NORTH[1] - HALF

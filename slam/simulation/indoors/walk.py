@@ -1,7 +1,7 @@
-"""The walk through the building, with the LiDAR in the hand: where it is at any time.
+"""Trajectory of a hand-held LiDAR on a walk through the building.
 
-Someone walks from corner to corner of a route; smoothing rounds the corners, a profile of speeds says when they are
-where, and steps, the arm and the hand are laid over that. All of it is smooth: splines with two derivatives, and sines.
+The route is a polyline with smoothed corners; a speed profile gives the times, and the motion of steps, arm and hand is
+added. The trajectory is smooth: splines with two derivatives, and sines.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ ROUTE = (
 
 
 class Walk:
-    """T_world_sensor at any time between REST before the start and REST after `end` [s]; beyond, as there."""
+    """T_world_sensor at any time from REST before the start to REST after `end` [s]; constant beyond."""
 
     def __init__(self, route: tuple[Stop, ...] = ROUTE) -> None:
         line, corners = _line(np.array([stop[:3] for stop in route]))
@@ -101,11 +101,11 @@ class Walk:
         self._channels = CubicSpline(ticks, np.column_stack([*places, yaw, phase, pace]))
 
     def floor(self, stamps: Array) -> Array:
-        """(K,) metres: the height of the floor underfoot, sloping on stairs."""
+        """Return the height (K,) [m] of the floor, sloping on stairs."""
         return np.asarray(self._at(stamps)[:, 2])
 
     def yaw(self, stamps: Array) -> Array:
-        """(K,) radians, not wrapped: where the sensor's x axis points."""
+        """Return the heading (K,) [rad] of the sensor's x axis, not wrapped."""
         channels = self._at(stamps)
         return np.asarray(channels[:, 3] + channels[:, 5] * WOBBLE * np.sin(channels[:, 4] / 2) + _drift(stamps)[2])
 
@@ -135,9 +135,9 @@ def _walk() -> Walk:
 
 
 def building(spacing: float | None = None) -> Drive:
-    """A minute and a half on foot through two floors, the LiDAR in the hand; ten frames a second, and no spacing."""
+    """Walk for a minute and a half through two floors with a hand-held LiDAR, at ten frames per second."""
     if spacing is not None:
-        raise InputError("building: a walk has no spacing, for steps and turns take their time; leave --spacing out")
+        raise InputError("building: --spacing does not apply to a walk, since steps and turns take time; leave it out")
     walk = _walk()
     stamps = np.arange(0.0, walk.end, 1 / RATE)
     position = walk(stamps)[:, :3, 3]

@@ -23,19 +23,19 @@ STEP = 2.0
 
 
 class BridgeScene(DrivenScene):
-    """See `Scene`. It is level and straight, and every span, `Drive.period` long, is the copy of another."""
+    """A `Scene` on a level, straight bridge with identical spans of length `Drive.period`."""
 
     hills = 0.0
 
     @cached_property
     def standing(self) -> Parts:
-        """The deck with what stands on it, its piers, and the water."""
+        """The deck with railings and lamps, the piers, and the water."""
         course = Course.of(self.drive, self.terrain, BEYOND)
         return Parts(part for make in (_deck, self._spans, _water) for part in make(course))
 
     @cached_property
     def traffic(self) -> Traffic:
-        """None."""
+        """No traffic."""
         return Traffic(self.drive, Course.of(self.drive, self.terrain, BEYOND), [])
 
     def _spans(self, course: Course) -> Iterator[Mesh]:

@@ -15,7 +15,7 @@ WHEEL = 0.5  # metres, radius
 
 
 def semi_trailer(rng: np.random.Generator) -> Mesh:
-    """A tractor with a box trailer: 15.8 to 16.5 m long, 4 m high."""
+    """Create a tractor with a box trailer: 15.8 to 16.5 m long, 4 m high."""
     length = rng.uniform(15.8, 16.5)
     trailer, end = rng.uniform(13.2, 13.6), length / 2
     axles = [end - 1.4, end - 5.0, *(-end + 2.6 + 1.3 * np.arange(3))]
@@ -31,7 +31,7 @@ def semi_trailer(rng: np.random.Generator) -> Mesh:
 
 
 def box_truck(rng: np.random.Generator) -> Mesh:
-    """In one piece: 7.5 to 10 m long, 3.4 to 3.9 m high."""
+    """Create a rigid box truck: 7.5 to 10 m long, 3.4 to 3.9 m high."""
     length, height = rng.uniform(7.5, 10.0), rng.uniform(3.4, 3.9)
     end = length / 2
     return joined(
@@ -45,12 +45,12 @@ def box_truck(rng: np.random.Generator) -> Mesh:
 
 
 def lorry(rng: np.random.Generator) -> Mesh:
-    """Either."""
+    """Create a semi-trailer or a box truck."""
     return (semi_trailer if rng.random() < 0.65 else box_truck)(rng)
 
 
 def length_of(mesh: Mesh) -> float:
-    """Metres."""
+    """Return the length of a mesh [m]."""
     return float(np.ptp(mesh.vertices[:, 0]))
 
 

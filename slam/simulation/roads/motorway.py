@@ -1,4 +1,4 @@
-"""A motorway of two lanes a direction with a median, far from any town."""
+"""A motorway with two lanes per direction and a median, outside of towns."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ PANEL: Colour = (24, 62, 140)
 
 
 class MotorwayScene(DrivenScene):
-    """See `Scene`. Gentle grades come from the heights of the drive, and from hills half as high as a town's."""
+    """A `Scene` on a motorway; gentle grades come from the heights of the drive and from low hills."""
 
     hills = 0.5
 

@@ -29,10 +29,11 @@ PROFILE = ((0.0, 0.0, "kerb"), (0.02, KERB, "kerb"), (0.16, KERB, "paving"), (PA
 
 
 class StreetScene(DrivenScene):
-    """A street with something in a row along either side. Lefts are seen from the middle of the car's lane.
+    """A street with rows of objects along both sides. Lateral offsets are to the left of the centre of the car's lane.
 
-    kerbs   lefts of the left and the right one
-    lines   markings: their lefts, and whether they are dashed
+    Attributes:
+        kerbs: Offsets of the left and the right kerb.
+        lines: Offsets of the markings, and whether they are dashed.
     """
 
     kerbs: ClassVar[tuple[float, float]]
@@ -55,15 +56,15 @@ class StreetScene(DrivenScene):
         return Traffic(self.drive, self.course, self.movers(np.random.default_rng([self.seed, 2])))
 
     def alongside(self, rng: np.random.Generator) -> Iterator[Mesh]:
-        """What stands behind the kerbs."""
+        """Yield the objects behind the kerbs."""
         yield from ()
 
     def parked(self, rng: np.random.Generator) -> Iterator[Mesh]:
-        """What stands on the carriageway."""
+        """Yield the parked vehicles on the carriageway."""
         yield from ()
 
     def movers(self, rng: np.random.Generator) -> Iterator[Mover]:
-        """What drives there."""
+        """Yield the moving vehicles."""
         yield from ()
 
     def _surface(self) -> Iterator[Mesh]:
@@ -77,9 +78,9 @@ class StreetScene(DrivenScene):
 
 
 class LorriesScene(StreetScene):
-    """See `Scene`. Lorries stand in a row on the right, their sides ASIDE from the car's middle; a few cars move.
+    """A `Scene` with a row of parked lorries on the right, their sides ASIDE from the car's centre, and a few cars.
 
-    Either side ends at a plain wall, as between yards and works: what holds the axis are gaps between vehicles.
+    Both sides end at a plain wall: only the gaps between vehicles constrain the position along the road.
     """
 
     ASIDE = 3.7
@@ -120,7 +121,7 @@ class LorriesScene(StreetScene):
 
 
 class AvenueScene(StreetScene):
-    """See `Scene`. Three lanes ahead, the car in the middle one, all dense; two against it, which are not."""
+    """A `Scene` with three dense lanes in the car's direction, the car in the middle one, and two oncoming lanes."""
 
     kerbs = (14.3, -5.7)
     lines = ((1.75, True), (-1.75, True), (5.3, False), (5.6, False), (9.1, True))

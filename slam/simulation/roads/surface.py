@@ -1,4 +1,4 @@
-"""What runs along a road with the same section everywhere: lanes and markings, rails, verges, walls."""
+"""Surfaces with a constant cross-section along a road: lanes and markings, rails, verges, walls."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LINE, DASH = 0.15, 6.0  # metres: half the width of a marking's stripe, and the 
 
 
 class Node(NamedTuple):
-    """Of a section across: metres to the left, height [m], and what the surface is made of up to the next node."""
+    """Node of a cross-section: offset to the left [m], height [m], and the material up to the next node."""
 
     left: float
     height: float
@@ -28,7 +28,7 @@ class Node(NamedTuple):
 
 
 def swept(course: Course, section: Sequence[Node], way: Array, rise: Array | float = 0.0) -> Iterator[Mesh]:
-    """A section along the course, with nodes at `way` (R,), in pieces; `rise` (R,) or (R, C) is added to it."""
+    """Sweep a cross-section along the course, with nodes at `way` (R,), in pieces; `rise` (R,) or (R, C) is added."""
     left, height = (np.array([node[axis] for node in section], float) for axis in (0, 1))
     points = course.terrain.lifted(course.places(way[:, None], np.broadcast_to(left, (len(way), len(left)))))
     points[..., 2] += height + np.reshape(rise, (len(way), -1) if np.ndim(rise) else (1, 1))
@@ -40,7 +40,7 @@ def swept(course: Course, section: Sequence[Node], way: Array, rise: Array | flo
 
 
 def carriageway(course: Course, edges: tuple[float, float], way: Array, rough: bool = True) -> Iterator[Mesh]:
-    """Asphalt between two lefts, its sides going 0.3 m down into the ground."""
+    """Create asphalt between two lateral offsets, with sides that reach 0.3 m into the ground."""
     inner = np.linspace(*edges, max(round(abs(edges[1] - edges[0]) / BUMP), 1) + 1)
     left = np.array([edges[0], *inner, edges[1]])
     rise = ROUGH * noise(way[:, None] / BUMP, left[None] / BUMP, 0) if rough else 0.0
@@ -49,7 +49,7 @@ def carriageway(course: Course, edges: tuple[float, float], way: Array, rough: b
 
 
 def stripe(course: Course, left: float, way: Array, dashed: bool = False) -> Iterator[Mesh]:
-    """A marking, 1.5 cm above the road, so that it is not hidden by its bumps."""
+    """Create a marking, 1.5 cm above the road so that the bumps of the road do not cover it."""
     at = way[:-1]
     painted = (np.floor(at / DASH).astype(int) % 3 == 0) if dashed else np.ones(len(at), bool)
     sides = left + LINE / 2 * np.array([1, -1])
@@ -64,7 +64,7 @@ def stripe(course: Course, left: float, way: Array, dashed: bool = False) -> Ite
 
 
 def guard_rail(course: Course, left: float, facing: int, way: Array, posts: float = 4.0) -> Iterator[Mesh]:
-    """A W-shaped steel beam at `left`, its waves to the left (facing 1) or right (-1), on a post every `posts` m."""
+    """Create a W-shaped steel guard rail at `left`, facing left (1) or right (-1), with a post every `posts` [m]."""
     wave = [(0.0, 0.44), (0.08, 0.48), (0.08, 0.54), (0.0, 0.595), (0.08, 0.65), (0.08, 0.71), (0.0, 0.75)]
     yield from swept(course, [Node(left + facing * out, z, "metal") for out, z in wave], way)
     post = box((0.06, 0.1, 1.0), "metal", (120, 122, 124)).placed(0, 0, -0.3)
@@ -73,7 +73,7 @@ def guard_rail(course: Course, left: float, facing: int, way: Array, posts: floa
 
 
 def verge(course: Course, left: Array, way: Array, height: Array, seed: int) -> Iterator[Mesh]:
-    """Grass at lefts (C,) and heights (R, C) above the road; rough away from the first."""
+    """Create grass at offsets (C,) and heights (R, C) above the road, rough except at the first offset."""
     away = np.clip(np.abs(left - left[0]) / 6.0, 0, 1)
     bumps = 0.07 * noise(way[:, None] / 1.7, left / 1.7, seed) + 0.25 * noise(way[:, None] / 11, left / 11, seed + 1)
     return swept(course, [Node(at, 0.0, "grass") for at in left], way, height + away * bumps)

@@ -21,7 +21,7 @@ PANE: list[Colour] = [(60, 74, 88), (46, 56, 66), (74, 84, 92), (128, 130, 126)]
 
 
 class Style(NamedTuple):
-    """What the parts of one house have in common."""
+    """Style shared by the parts of a house."""
 
     wall: Finish
     ground: Finish  # of the ground floor

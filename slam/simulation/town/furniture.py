@@ -1,6 +1,6 @@
-"""What stands on pavements: lamps, signs, fences, bollards, bins, benches and boxes.
+"""Street furniture: lamps, signs, fences, bollards, bins, benches and boxes.
 
-Everything stands on z = 0 at the origin, reaches FOOT below it, and looks to -y where it has a front.
+Everything stands on z = 0 at the origin, reaches FOOT below it, and faces -y.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def _wall(rng: np.random.Generator, length: float, height: float) -> Mesh:
 
 
 def bollard(rng: np.random.Generator) -> Mesh:
-    """0.8 to 1.1 m high, of steel or stone, most with a reflecting band."""
+    """Create a bollard, 0.8 to 1.1 m high, of steel or stone, mostly with a reflecting band."""
     height, radius = rng.uniform(0.8, 1.1), rng.uniform(0.045, 0.08)
     if rng.random() < 0.25:
         return prism(_ring(1.8 * radius, 8, -FOOT), 0.7 * height + FOOT, "concrete")
@@ -147,7 +147,7 @@ def wheelie_bin(rng: np.random.Generator) -> Mesh:
 
 
 def bench(rng: np.random.Generator) -> Mesh:
-    """For three, with a back."""
+    """Create a bench for three with a back."""
     length, wood = rng.uniform(1.5, 2.0), shade(rng, WOODS)
     seat = [box((length, 0.12, 0.04), "wood", wood).placed(0, y, 0.43) for y in (-0.2, -0.05, 0.1)]
     back = [box((length, 0.04, 0.12), "wood", wood).placed(0, y, z) for y, z in ((0.2, 0.56), (0.24, 0.74))]

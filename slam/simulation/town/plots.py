@@ -1,4 +1,4 @@
-"""Which ground is taken, so that nothing is built where something stands or cars drive."""
+"""Occupancy of the ground, so that objects overlap neither each other nor the streets."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ CELL = 0.5  # metres
 
 
 class Plots:
-    """A map of taken cells between two corners, `low` and `high` (2,)."""
+    """Occupancy grid between two corners, `low` and `high` (2,)."""
 
     def __init__(self, low: Array, high: Array) -> None:
         self._low = low
         self._taken = np.zeros(np.ceil((high - low) / CELL).astype(int) + 1, bool)
 
     def block(self, line: Array, reach: float) -> None:
-        """Take all within `reach` of a line's points (M, 2), which are at most a metre apart."""
+        """Occupy all cells within `reach` of a line's points (M, 2), which are at most a metre apart."""
         around = np.arange(-reach, reach + CELL, CELL)
         disc = np.stack(np.meshgrid(around, around, indexing="ij"), axis=-1).reshape(-1, 2)
         disc = disc[np.hypot(*disc.T) <= reach]
@@ -25,7 +25,7 @@ class Plots:
             self._take(self._cells(line[start : start + 512, None] + disc))
 
     def claim(self, place: Array, yaw: float, size: tuple[float, float]) -> bool:
-        """Take a rectangle centred at a place (2,), its length along `yaw`, if all of it is free; say if it was."""
+        """Occupy a rectangle centred at a place (2,), its length along `yaw`, if it is free; return whether it was."""
         u, v = (np.linspace(-side / 2, side / 2, int(side / CELL * 1.5) + 2) for side in size)
         u, v = (part.ravel() for part in np.meshgrid(u, v))
         c, s = np.cos(yaw), np.sin(yaw)

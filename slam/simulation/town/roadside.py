@@ -1,4 +1,4 @@
-"""What stands along a street: houses and their gardens, trees, parked cars, lamps, signs and the rest."""
+"""Objects along a street: houses and gardens, trees, parked cars, lamps, signs and others."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PARKED = HALF_WIDTH - 1.1  # metres from there to the middle of the parked cars
 
 @dataclass(frozen=True)
 class Stock:
-    """Things of which a town has many: a few of each are made, and placed again and again."""
+    """Stock of objects that are placed many times: a few variants of each are created."""
 
     trees: list[Mesh]
     street_trees: list[Mesh]
@@ -35,7 +35,7 @@ class Stock:
 
     @staticmethod
     def of(rng: np.random.Generator) -> Stock:
-        """Made new."""
+        """Create the variants."""
         small = (furniture.bollard, furniture.wheelie_bin, furniture.electric_box, furniture.bench, vehicles.bicycle)
         return Stock(
             trees=[vegetation.tree(rng) for _ in range(14)],
@@ -74,7 +74,7 @@ class Roadside:
         self.length = len(road.line) - 1.0
 
     def fill(self) -> Iterator[Mesh]:
-        """All that stands there: by stretches of one character, and what every street has."""
+        """Yield all objects: sections of one character, and the objects that every street has."""
         start = 3.0
         while start < self.length - 6:
             stop = min(start + self._rng.uniform(45, 120), self.length - 3)

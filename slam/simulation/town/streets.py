@@ -1,4 +1,4 @@
-"""Streets along a drive: where they run, and their surface of asphalt, markings, kerbs and pavements."""
+"""Streets along a drive: their centre lines, and their surface of asphalt, markings, kerbs and pavements."""
 
 from __future__ import annotations
 
@@ -46,12 +46,18 @@ class Streets:
         self._tree = cKDTree(self._points)
 
     def distance(self, places: Array) -> Array:
-        """(N,) metres from places (N, 2) to the nearest middle line."""
+        """Return the distance (N,) [m] of places (N, 2) to the nearest centre line."""
         return np.asarray(self._tree.query(places)[0])
 
     def distance_to_others(self, places: Array, road: int, metre: Array, before: bool = False) -> Array:
-        """(N,) metres from places (N, 2) on a road, at `metre` (N,) of it, to other roads and to that road farther on;
-        `before`: to roads earlier in the list alone."""
+        """Return the distance (N,) [m] of places on a road to other roads, and to distant parts of the same road.
+
+        Args:
+            places: (N, 2).
+            road: Number of the road.
+            metre: (N,) position of the places along it [m].
+            before: Consider earlier roads of the list only.
+        """
         distances, found = self._tree.query(places, k=60, distance_upper_bound=HALF_WIDTH + 1.0)
         found = np.minimum(found, len(self._points) - 1)
         own = (self._road[found] == road) & (np.abs(self._metre[found] - metre[:, None]) < 6 * HALF_WIDTH)

@@ -1,4 +1,4 @@
-"""What moves in the streets while the car drives: other cars on their ways, people on the pavement."""
+"""Traffic of the town: other cars, and people on the pavements."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class TownTraffic(Traffic):
         )
 
     def free(self, mover: Mover, places: Array) -> bool:
-        """Whether it keeps its distance from all others, for the way may cross itself."""
+        """Check whether a mover keeps its distance from all others, since the path may cross itself."""
         near = np.linalg.norm(places - self.drive.position[:, :2], axis=1) < mover.room - 2.2
         for other, there in zip(self.movers, self.places, strict=True):
             near |= np.linalg.norm(places - there, axis=1) < min(mover.room, other.room)

@@ -1,7 +1,8 @@
 """Trees, bushes and hedges, each standing on z = 0 at the origin, with roots 0.3 m below.
 
-Leaves are loose triangles, each for a handful of real ones, spread through the depth of a crown and denser towards its
-outside: some rays pass, the others end anywhere between its near and its far side, as those of a LiDAR do."""
+Leaves are loose triangles, each for several real ones, spread through the depth of a crown and denser towards its
+outside: some rays pass, the others end anywhere between its near and its far side, as those of a LiDAR do.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +90,8 @@ def bush(rng: np.random.Generator) -> Mesh:
 def hedge(rng: np.random.Generator, length: float) -> Mesh:
     """Along +x from the origin, cut 0.6 to 1 m wide and 0.9 to 2 m high, of at most 60 triangles a metre (from 1 m on).
 
-    A bumpy body, open only below the ground, with single leaves that stand off it."""
+    A bumpy body, open only below the ground, with single leaves that stand off it.
+    """
     width, height, green = rng.uniform(0.6, 1.0), rng.uniform(0.9, 2.0), _green(rng, GREENS)
     section = np.array([[-0.46, 0], [-0.5, 0.55], [-0.42, 1], [0.42, 1], [0.5, 0.55], [0.46, 0]])
     section = section * [width - 0.16, height - 0.1]
@@ -112,8 +114,7 @@ def hedge(rng: np.random.Generator, length: float) -> Mesh:
 def _clusters(
     rng: np.random.Generator, centres: Array, sizes: Array, area: float, green: Array, fewest: int = 240
 ) -> Mesh:
-    """Leaves in ellipsoids at centres (B, 3), of half axes (B, 3), that together look `area` [m2] large from the
-    side."""
+    """Leaves in ellipsoids at centres (B, 3), of half axes (B, 3), with a projected area `area` [m2] from the side."""
     count, radius = _leaf_count(area, fewest)
     weight = (sizes[:, 0] * sizes[:, 2]) / (sizes[:, 0] * sizes[:, 2]).sum()
     which = rng.choice(len(centres), 3 * count, p=weight)
@@ -130,7 +131,8 @@ def _clusters(
 def _leaf_count(area: float, fewest: int = 240) -> tuple[int, float]:
     """How many triangles of which radius [m] hide about two thirds of an outline of that area [m2].
 
-    Triangles that face anywhere hide half their area each; exp(-1.2) of the rays then pass."""
+    Triangles that face anywhere hide half their area each; exp(-1.2) of the rays then pass.
+    """
     leaf = 0.07
     count = int(np.clip(2 * 1.2 * area / leaf, fewest, 580))
     return count, float(np.sqrt(2 * 1.2 * area / count / 1.3))  # 1.3 r2: an equilateral triangle in a circle
@@ -162,7 +164,7 @@ def _trunk(rng: np.random.Generator, height: float, radius: float) -> Mesh:
 
 
 def _green(rng: np.random.Generator, greens: Sequence[Colour]) -> Array:
-    """Of one plant, as float64: its leaves vary around it."""
+    """Mean colour of a plant, as float64; the colours of its leaves vary around it."""
     return np.array(pick(rng, greens)) * rng.uniform(0.88, 1.1)
 
 

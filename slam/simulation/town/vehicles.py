@@ -14,18 +14,21 @@ Range = tuple[float, float]
 
 
 class Shape(NamedTuple):
-    """The outline of a kind of car. Metres; a pair is the range that one car's own value is drawn from.
+    """Shape of a kind of car [m]; a pair is the range that the value of one car is drawn from.
 
-    share      of the traffic
-    length, width, height
-    clearance  of the floor above the road
-    wheel      radius
-    belt       height of the bonnet's end and the windows' sill
-    bonnet     from the nose to the foot of the windscreen
-    screen     from there to the roof
-    boot       from the tail to the foot of the rear window
-    hatch      from there to the roof
-    panes      side windows: begin and end of each, as shares of the cabin's length
+    Attributes:
+        share: Share of the traffic.
+        length: Length.
+        width: Width.
+        height: Height.
+        clearance: Height of the floor above the road.
+        wheel: Radius of the wheels.
+        belt: Height of the end of the bonnet and of the window sills.
+        bonnet: Distance from the nose to the foot of the windscreen.
+        screen: Distance from there to the roof.
+        boot: Distance from the tail to the foot of the rear window.
+        hatch: Distance from there to the roof.
+        panes: Begin and end of each side window, as shares of the cabin's length.
     """
 
     share: float

@@ -20,7 +20,7 @@ def frame(cloud: PointCloud, image: Array | None = None) -> Frame:
 
 
 @pytest.mark.parametrize("phase", [0, 3])
-def test_shown_are_sixteen_rings_and_asked_the_others(dense: PointCloud, grid: RayGrid, phase: int) -> None:
+def test_sixteen_rings_are_kept_and_the_others_held_out(dense: PointCloud, grid: RayGrid, phase: int) -> None:
     held = hold_out(frame(dense), grid, phase)
     assert held.scan.cloud.ring is not None
     np.testing.assert_array_equal(held.scan.rings, np.arange(phase, 64, 4))
@@ -29,7 +29,7 @@ def test_shown_are_sixteen_rings_and_asked_the_others(dense: PointCloud, grid: R
     assert len(held.ring) + len(held.scan.cloud) == len(dense)
 
 
-def test_who_predicts_the_recorded_ranges_makes_no_error(dense: PointCloud, grid: RayGrid) -> None:
+def test_predicting_the_recorded_ranges_has_no_error(dense: PointCloud, grid: RayGrid) -> None:
     held = hold_out(frame(dense), grid)
     ranges = np.zeros(grid.shape, np.float32)
     ranges[dense.ring, grid.column_of(dense.xyz)] = grid.range_of(dense.xyz, dense.ring)
@@ -40,7 +40,7 @@ def test_who_predicts_the_recorded_ranges_makes_no_error(dense: PointCloud, grid
     np.testing.assert_array_equal(trusted, grid.azimuth[held.column] > 0)
 
 
-def test_a_ray_is_a_line_and_a_column_whatever_the_return(dense: PointCloud, grid: RayGrid) -> None:
+def test_rays_do_not_depend_on_the_held_out_return(dense: PointCloud, grid: RayGrid) -> None:
     """Returns moved along their own column, up or away: the question stays the same."""
     lifted = dense.with_xyz(dense.xyz * [1.1, 1.1, 0.9])
     ours, theirs = (hold_out(frame(cloud), grid) for cloud in (dense, lifted))
@@ -49,7 +49,7 @@ def test_a_ray_is_a_line_and_a_column_whatever_the_return(dense: PointCloud, gri
     np.testing.assert_allclose(theirs.ranges, 1.1 * ours.ranges, rtol=1e-5)
 
 
-def test_seen_is_what_the_camera_sees(dense: PointCloud, grid: RayGrid) -> None:
+def test_seen_marks_returns_visible_to_the_camera(dense: PointCloud, grid: RayGrid) -> None:
     assert hold_out(frame(dense), grid).seen is None
     held = hold_out(frame(dense, np.zeros((375, 1242, 3), np.uint8)), grid)
     assert held.seen is not None
@@ -57,7 +57,7 @@ def test_seen_is_what_the_camera_sees(dense: PointCloud, grid: RayGrid) -> None:
     assert (np.abs(grid.azimuth[held.column[held.seen]]) < np.deg2rad(45)).all()
 
 
-def test_fewer_rings_are_halved() -> None:
+def test_every_second_of_fewer_rings_is_kept() -> None:
     sensor = load_sensor("vlp16")
     assert ring_step(sensor) == 2
     assert ring_step(Sensor("32 rings", np.linspace(0.2, -0.5, 32), np.zeros(32))) == 2
@@ -67,6 +67,6 @@ def test_fewer_rings_are_halved() -> None:
     np.testing.assert_array_equal(held.ring, np.arange(0, 16, 2))
 
 
-def test_without_rings_there_is_no_question(grid: RayGrid) -> None:
+def test_scans_without_rings_are_an_error(grid: RayGrid) -> None:
     with pytest.raises(InputError, match="scan 7"):
         hold_out(frame(PointCloud(np.ones((5, 3)), np.zeros(5))), grid)

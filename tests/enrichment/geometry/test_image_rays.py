@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from enrichment.geometry.image_rays import between_returns, rays_before_camera, see
+from enrichment.geometry.image_rays import between_returns, project_scan, rays_before_camera
 from enrichment.geometry.rays import RayGrid
 from enrichment.geometry.sparse_scan import SparseScan
 from slam.data.camera import nearest_pixel, project
@@ -33,7 +33,7 @@ def smooth_depth() -> Array:
     return np.asarray(10 + 2 * np.sin(u / 30) + 2 * np.cos(v / 25), np.float32)
 
 
-def test_a_rays_point_lands_where_its_depth_was_read(small: RayGrid) -> None:
+def test_intersections_project_to_their_depth(small: RayGrid) -> None:
     dense = smooth_depth()
     rays = rays_before_camera(small, np.ones(small.shape, bool), CALIBRATION, SHAPE)
     ranges = rays.intersect(dense)
@@ -46,7 +46,7 @@ def test_a_rays_point_lands_where_its_depth_was_read(small: RayGrid) -> None:
     np.testing.assert_allclose(pixels, rays.pixels(ranges)[met], atol=1e-3)
 
 
-def test_rays_beside_the_image_meet_nothing(small: RayGrid) -> None:
+def test_rays_outside_the_image_have_no_intersection(small: RayGrid) -> None:
     rays = rays_before_camera(small, np.ones(small.shape, bool), CALIBRATION, SHAPE)
     ranges = rays.intersect(smooth_depth())
     u, v = rays.pixels(np.nan_to_num(ranges, nan=10.0)).T
@@ -56,7 +56,7 @@ def test_rays_beside_the_image_meet_nothing(small: RayGrid) -> None:
     assert np.abs(small.azimuth[rays.column]).max() < np.pi / 2  # none behind the camera
 
 
-def test_nothing_is_met_where_the_image_has_no_depth(small: RayGrid) -> None:
+def test_pixels_without_depth_have_no_intersection(small: RayGrid) -> None:
     dense = smooth_depth()
     dense[:, 80:] = 0
     rays = rays_before_camera(small, np.ones(small.shape, bool), CALIBRATION, SHAPE)
@@ -66,7 +66,7 @@ def test_nothing_is_met_where_the_image_has_no_depth(small: RayGrid) -> None:
     assert np.isfinite(ranges[(u > 3) & (u < 76)]).mean() > 0.5
 
 
-def test_only_wanted_rays(small: RayGrid) -> None:
+def test_only_wanted_rays_are_selected(small: RayGrid) -> None:
     wanted = np.zeros(small.shape, bool)
     wanted[4, [0, 990, 1000]] = True  # column 0 looks back
     rays = rays_before_camera(small, wanted, CALIBRATION, SHAPE)
@@ -79,11 +79,11 @@ def scan_of(xyz: list[tuple[float, float, float]], grid: RayGrid) -> SparseScan:
     return SparseScan(cloud, grid.sensor, ring, lambda: np.zeros((*SHAPE, 3), np.uint8), CALIBRATION)
 
 
-def test_the_nearest_point_of_a_pixel_counts_and_hidden_ones_do_not(small: RayGrid) -> None:
+def test_projection_keeps_the_nearest_visible_point(small: RayGrid) -> None:
     def at(u: float, v: float, depth: float) -> tuple[float, float, float]:
         return depth + 0.3, 0.1 - (u - 80) / 100 * depth, -0.2 - (v - 40) / 100 * depth
 
-    seen = see(
+    seen = project_scan(
         scan_of([at(30, 20, 9.0), at(30, 20, 8.5), at(100.4, 50.4, 6.0), at(101, 53, 20.0), at(500, 9, 5.0)], small)
     )
     assert seen.shown.tolist() == [True, True, True, False, False]
@@ -92,7 +92,7 @@ def test_the_nearest_point_of_a_pixel_counts_and_hidden_ones_do_not(small: RayGr
     assert seen.image[50, 100] == pytest.approx(6.0)
 
 
-def test_rays_between_two_returns(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+def test_between_returns_needs_both_returns(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     scan = sparse(0)
     upper = scan.rows_above(grid.sensor)
     between = between_returns(scan, grid)
@@ -102,6 +102,6 @@ def test_rays_between_two_returns(sparse: Callable[..., SparseScan], grid: RayGr
     assert between.any()
 
 
-def test_whole_numbers_are_pixel_centres() -> None:
+def test_pixel_centres_are_at_integers() -> None:
     u, v = nearest_pixel(np.array([[0.4, 2.6], [-0.4, 3.5]]))
     assert (u.tolist(), v.tolist()) == ([0, 0], [3, 4])

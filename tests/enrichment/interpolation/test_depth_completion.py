@@ -46,7 +46,7 @@ def test_delaunay_is_exact_on_a_plane_in_inverse_depth() -> None:
     np.testing.assert_allclose(dense, plane, rtol=1e-5)
 
 
-def test_delaunay_leaves_the_outside_of_the_hull_empty() -> None:
+def test_delaunay_does_not_extrapolate() -> None:
     dense = delaunay(samples((10, 10, 5.0), (10, 30, 5.0), (30, 10, 5.0)), GREY)
     assert dense[15, 15] == pytest.approx(5.0)
     assert dense[40, 40] == 0
@@ -54,12 +54,12 @@ def test_delaunay_leaves_the_outside_of_the_hull_empty() -> None:
 
 
 @pytest.mark.parametrize("rows", [[], [(10, 10)], [(10, 10), (10, 20), (10, 30)]])
-def test_too_few_samples_for_a_triangle(rows: list[tuple[int, int]]) -> None:
+def test_delaunay_needs_three_samples(rows: list[tuple[int, int]]) -> None:
     assert not delaunay(samples(*((v, u, 5.0) for v, u in rows)), GREY).any()
 
 
 @pytest.mark.parametrize("name", COMPLETIONS.names())
-def test_nothing_comes_of_nothing(name: str) -> None:
+def test_without_samples_there_is_no_depth(name: str) -> None:
     assert not COMPLETIONS.load(name)().complete(np.zeros(SHAPE, np.float32), GREY).any()
 
 
@@ -69,7 +69,7 @@ def test_nearest_takes_the_nearest_sample() -> None:
     np.testing.assert_allclose(dense[:, 41:], 9.0, rtol=1e-6)
 
 
-def test_ip_basic_lets_the_nearer_surface_win_and_leaves_the_sky() -> None:
+def test_ip_basic_prefers_nearer_surfaces_and_leaves_the_sky() -> None:
     near, far = (
         [(v, u, 5.0) for v in (35, 55) for u in range(30)],
         [(v, u, 20.0) for v in (35, 55) for u in range(30, 80)],
@@ -83,7 +83,7 @@ def test_ip_basic_lets_the_nearer_surface_win_and_leaves_the_sky() -> None:
 
 @given(seed=st.integers(0, 1000), share=st.floats(0.001, 0.2))
 @settings(max_examples=10, deadline=None)
-def test_depth_stays_within_what_was_measured(seed: int, share: float) -> None:
+def test_completed_depths_are_within_the_measured_range(seed: int, share: float) -> None:
     random = np.random.default_rng(seed)
     sparse = np.where(random.random(SHAPE) < share, random.uniform(3, 50, SHAPE), 0).astype(np.float32)
     sparse[30, 40] = 10.0
@@ -98,7 +98,7 @@ def test_depth_stays_within_what_was_measured(seed: int, share: float) -> None:
         assert filled.max(initial=0) <= known.max() * 1.001
 
 
-def test_the_random_field_changes_at_the_edge_of_the_image() -> None:
+def test_the_random_field_changes_at_image_edges() -> None:
     halves = np.zeros((*SHAPE, 3), np.uint8)
     halves[:, 50:] = 255
     sparse = samples(*((v, 10, 5.0) for v in range(60)), *((v, 70, 20.0) for v in range(60)))
@@ -121,7 +121,7 @@ def wall(grid: RayGrid) -> SparseScan:
 
 
 @pytest.mark.parametrize("name", COMPLETIONS.names())
-def test_the_method_is_exact_on_a_wall_ahead(name: str, wall: SparseScan, grid: RayGrid) -> None:
+def test_depth_completion_is_exact_on_a_wall(name: str, wall: SparseScan, grid: RayGrid) -> None:
     prediction = COMPLETIONS.load(name)()(wall, grid)
     row, column = np.nonzero(prediction.ranges)
     rho = prediction.ranges[row, column] * np.cos(grid.sensor.elevation[row])
@@ -139,7 +139,7 @@ def test_without_a_camera_there_is_no_prediction(missing: dict[str, Any], wall: 
     assert not prediction.trusted.any()
 
 
-def test_the_answer_is_not_in_the_scan(wall: SparseScan, grid: RayGrid) -> None:
+def test_held_out_returns_do_not_leak_into_the_input(wall: SparseScan, grid: RayGrid) -> None:
     """Rays on kept rings are not predicted, nor those above the first return or below the last one."""
     rows = np.flatnonzero(markov_random_field_method()(wall, grid).ranges.any(axis=1))
     assert not set(rows) & set(range(0, 64, 4))

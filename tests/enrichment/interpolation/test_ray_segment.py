@@ -16,7 +16,7 @@ Scan = Callable[..., SparseScan]
 
 
 @pytest.mark.parametrize("phase", [0, 1, 2, 3])
-def test_exact_on_planes(sparse: Scan, dense: PointCloud, grid: RayGrid, phase: int) -> None:
+def test_ray_segment_is_exact_on_planes(sparse: Scan, dense: PointCloud, grid: RayGrid, phase: int) -> None:
     prediction = RaySegment()(sparse(phase), grid)
     image = range_image(dense, grid)
     assert dense.ring is not None
@@ -28,7 +28,7 @@ def test_exact_on_planes(sparse: Scan, dense: PointCloud, grid: RayGrid, phase: 
     assert np.median(prediction.sigma[predicted]) < 1.0
 
 
-def test_only_between_rings_that_are_there(sparse: Scan, grid: RayGrid) -> None:
+def test_ray_segment_predicts_between_two_returns_only(sparse: Scan, grid: RayGrid) -> None:
     prediction = RaySegment()(sparse(2), grid)
     rows = np.flatnonzero((prediction.ranges > 0).any(axis=1))
     assert rows.min() > 2
@@ -50,14 +50,14 @@ def line(grid: RayGrid, ring: int, rho: float) -> float:
     return float(np.tan(grid.sensor.elevation[ring]) * rho + grid.sensor.offset[ring])
 
 
-def test_a_sheet_between_an_object_and_what_is_behind_is_not_trusted(grid: RayGrid) -> None:
+def test_segments_between_object_and_background_are_not_trusted(grid: RayGrid) -> None:
     heights = [line(grid, ring, rho) for ring, rho in ((0, 30.0), (4, 24.0))]
     prediction = RaySegment()(one_column([30.0, 24.0], heights, grid), grid)
     assert (prediction.ranges[1:4, 1000] > 0).all()
     assert not prediction.trusted[1:4, 1000].any() or prediction.sigma[1:4, 1000].min() > 1.0
 
 
-def test_short_segments_are_trusted_and_surer_where_straight(grid: RayGrid) -> None:
+def test_short_segments_are_trusted_and_straight_ones_have_a_smaller_sigma(grid: RayGrid) -> None:
     straight = [10.0, 10.0, 10.0, 10.0]
     bent = [10.0, 10.0, 9.6, 10.0]
     found = {}
@@ -69,18 +69,18 @@ def test_short_segments_are_trusted_and_surer_where_straight(grid: RayGrid) -> N
     assert found["straight"] < found["bent"]
 
 
-def test_a_missing_return_is_taken_from_the_column_beside(grid: RayGrid) -> None:
+def test_missing_returns_are_taken_from_adjacent_columns(grid: RayGrid) -> None:
     scan = one_column([10.0, 10.0], [line(grid, 0, 10.0), line(grid, 4, 10.0)], grid)
     ranges = RaySegment()(scan, grid).ranges
     assert np.flatnonzero(ranges[2] > 0).tolist() == [998, 999, 1000, 1001, 1002]
 
 
-def test_an_empty_scan_predicts_nothing(grid: RayGrid) -> None:
+def test_an_empty_scan_has_no_predictions(grid: RayGrid) -> None:
     empty = PointCloud(np.zeros((0, 3)), np.zeros(0), ring=np.zeros(0))
     assert not RaySegment()(SparseScan(empty, grid.sensor, np.arange(0, 64, 4)), grid).trusted.any()
 
 
-def test_held_out_returns_do_not_move_the_input(sparse: Scan, dense: PointCloud, grid: RayGrid) -> None:
+def test_held_out_returns_do_not_leak_into_the_input(sparse: Scan, dense: PointCloud, grid: RayGrid) -> None:
     """What is predicted hangs on the kept rings alone: a query is the line of its ring, not a return's direction."""
     assert dense.ring is not None
     moved = dense.xyz * np.where(dense.ring % 4 == 0, 1.0, 0.7)[:, None]

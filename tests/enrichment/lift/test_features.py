@@ -26,7 +26,7 @@ def same(one: LiftInput, other: LiftInput) -> bool:
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
 
 
-def test_shapes(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+def test_the_input_has_the_documented_shapes(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     given = lift_input(sparse(), grid)
     assert given.rows.tolist() == [row for row in range(60) if row % 4]
     assert given.upper.tolist() == [row // 4 for row in given.rows]
@@ -38,7 +38,7 @@ def test_shapes(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
         assert np.isfinite(values).all()
 
 
-def test_moving_the_answers_does_not_move_the_input(dense: PointCloud, grid: RayGrid) -> None:
+def test_targets_do_not_leak_into_the_input(dense: PointCloud, grid: RayGrid) -> None:
     """A network that could tell from its input where the held-out returns are would be useless without them."""
     moved = dense.xyz.copy()
     assert dense.ring is not None
@@ -50,7 +50,7 @@ def test_moving_the_answers_does_not_move_the_input(dense: PointCloud, grid: Ray
     assert same(lift_input(one.scan, grid), lift_input(other.scan, grid))
 
 
-def test_on_a_plane_the_segment_and_both_extensions_are_right(
+def test_segment_and_extrapolations_are_exact_on_planes(
     sparse: Callable[..., SparseScan], dense: PointCloud, grid: RayGrid
 ) -> None:
     given = lift_input(sparse(), grid)
@@ -66,7 +66,7 @@ def test_on_a_plane_the_segment_and_both_extensions_are_right(
         np.testing.assert_allclose(found[known], truth[known], rtol=1e-3)
 
 
-def test_ranges_are_told_as_ratios(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+def test_candidates_are_encoded_as_log_ratios(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     given = lift_input(sparse(), grid)
     known = given.rays[Ray.KNOWN] > 0
     segment = given.candidates[Candidate.SEGMENT]
@@ -78,7 +78,7 @@ def test_ranges_are_told_as_ratios(sparse: Callable[..., SparseScan], grid: RayG
         assert not values[:, ~known].any()
 
 
-def test_the_image_tells_where_colours_change(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+def test_the_edge_candidate_follows_the_colour_change(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     """Dark above a row of the image, bright below: a ray whose pixel is dark is like the return above."""
     image = np.zeros((372, 1204, 3), np.uint8)
     image[240:] = 200
@@ -102,7 +102,7 @@ def test_the_image_tells_where_colours_change(sparse: Callable[..., SparseScan],
     assert (given.rays[Ray.COLOUR_ABOVE][seen][bright] > given.rays[Ray.COLOUR_BELOW][seen][bright]).all()
 
 
-def test_a_lens_is_taken_out_of_the_image(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+def test_lens_distortion_is_removed(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     image = np.random.default_rng(0).integers(0, 255, IMAGE.shape).astype(np.uint8)
     bent = replace(CALIBRATION, distortion=(-0.3, 0.1, 0.0, 0.0))
     straight, other = (
@@ -119,7 +119,7 @@ def lowered(dense: PointCloud, by: float) -> tuple[PointCloud, Array]:
     return dense.with_xyz(dense.xyz + np.array([0, 0, by])), T_now_then
 
 
-def test_the_past_is_told_where_it_is_on_a_ray(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+def test_past_returns_on_a_ray_are_candidates(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     """A post that the rings missed now was seen before: the segment behind it is wrong, the past right."""
     scan, T_now_then = sparse(), np.eye(4)
     row, column = np.repeat(np.arange(64), 3), np.tile([1000, 1001, 1002], 64)
@@ -135,7 +135,7 @@ def test_the_past_is_told_where_it_is_on_a_ray(sparse: Callable[..., SparseScan]
     assert not given.candidates[Candidate.PAST][:, :900].any()
 
 
-def test_where_nothing_changed_the_past_agrees_with_the_segments(
+def test_the_past_agrees_with_the_segments_of_a_static_scene(
     sparse: Callable[..., SparseScan], dense: PointCloud, grid: RayGrid
 ) -> None:
     before = [lowered(sparse().cloud, 0.0), lowered(dense, 0.05)]
@@ -146,7 +146,7 @@ def test_where_nothing_changed_the_past_agrees_with_the_segments(
     np.testing.assert_allclose(past[known], segment[known], rtol=0.01)
 
 
-def test_rings_left_out_are_left_out_of_the_past(dense: PointCloud, grid: RayGrid) -> None:
+def test_held_out_rings_are_removed_from_the_past(dense: PointCloud, grid: RayGrid) -> None:
     rings = np.arange(64)
     whole = SparseScan(dense, grid.sensor, rings, read_past=lambda: [(dense, np.eye(4))])
     (then, _), *_ = whole.without(rings[rings % 4 != 0]).past
@@ -154,7 +154,7 @@ def test_rings_left_out_are_left_out_of_the_past(dense: PointCloud, grid: RayGri
     assert (then.ring % 4 == 0).all()
 
 
-def test_the_guess_lies_among_the_surfaces_around(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+def test_the_guess_is_among_the_surrounding_surfaces(sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     """A board hangs before the wall: unsure are the rays between its last ring and the next one on the wall."""
     scan, image = sparse(), np.full((372, 1204, 3), 90, np.uint8)
     assert scan.cloud.ring is not None
@@ -172,7 +172,7 @@ def test_the_guess_lies_among_the_surfaces_around(sparse: Callable[..., SparseSc
 
 
 @pytest.mark.parametrize("phase", [1, 2, 3])
-def test_any_first_ring(phase: int, sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+def test_features_work_for_any_phase(phase: int, sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     given = lift_input(sparse(phase), grid)
     assert (given.rows % 4 != phase).all()
     assert (given.rays[Ray.KNOWN] > 0).mean() > 0.3

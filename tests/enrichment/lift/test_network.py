@@ -39,11 +39,11 @@ def example(rings: int = 4, rows: int = 6, columns: int = 96) -> tuple[Tensor, T
     )  # fmt: skip
 
 
-def test_it_is_small() -> None:
+def test_lift_is_small() -> None:
     assert sum(p.numel() for p in Lift().parameters()) < 3_000_000
 
 
-def test_ranges_lie_between_the_candidates() -> None:
+def test_ranges_are_between_the_candidates() -> None:
     given = example()
     with torch.no_grad():
         answer = made()(*given)
@@ -56,7 +56,7 @@ def test_ranges_lie_between_the_candidates() -> None:
 
 
 @pytest.mark.parametrize("turn", [8, 16, 24])
-def test_a_turn_of_the_lidar_turns_the_answer(turn: int) -> None:
+def test_predictions_rotate_with_the_lidar(turn: int) -> None:
     rings, upper, rays, candidates = example()
     network = made()
     with torch.no_grad():
@@ -67,7 +67,7 @@ def test_a_turn_of_the_lidar_turns_the_answer(turn: int) -> None:
     torch.testing.assert_close(one.scale[known], other.scale.roll(-turn, -1)[known], rtol=1e-3, atol=1e-3)
 
 
-def test_onnx_computes_what_torch_does_for_any_lidar(tmp_path: Path) -> None:
+def test_onnx_agrees_with_torch_for_any_lidar(tmp_path: Path) -> None:
     network = made()
     export_lift(network, tmp_path)
     session = InferenceSession(tmp_path / "lift.onnx")
@@ -84,7 +84,7 @@ def test_onnx_computes_what_torch_does_for_any_lidar(tmp_path: Path) -> None:
             np.testing.assert_allclose(found, wanted.numpy(), rtol=1e-4, atol=1e-3)
 
 
-def test_it_learns() -> None:
+def test_training_reduces_the_loss() -> None:
     rings, upper, rays, candidates = example()
     truth = candidates[:, Candidate.BELOW] * 1.01
     network = Lift().train()
@@ -101,7 +101,7 @@ def test_it_learns() -> None:
     assert weights[:, Candidate.BELOW][truth > 0].mean() > 0.5  # the right candidate
 
 
-def test_without_answers_there_is_nothing_to_learn() -> None:
+def test_without_targets_the_loss_is_zero() -> None:
     rings, upper, rays, candidates = example()
     answer = Lift()(rings, upper, rays, candidates)
     assert lift_loss(answer, rays, candidates, torch.zeros_like(rays[:, Ray.KNOWN])) == 0

@@ -50,7 +50,7 @@ def changed(joint: Prediction, plain: Prediction) -> Array:
     return np.asarray(np.abs(joint.ranges - plain.ranges) > 1e-3)
 
 
-def test_a_ray_ends_at_the_side_of_the_images_edge_it_is_on(scan: SparseScan, truth: Array, grid: RayGrid) -> None:
+def test_rays_end_on_their_side_of_an_image_edge(scan: SparseScan, truth: Array, grid: RayGrid) -> None:
     grey = replace(scan, read_image=lambda: np.full((370, 1200, 3), 128, np.uint8))
     joint = Joint()(scan, grid)
     plain, blind = RaySegment()(scan, grid), Joint()(grey, grid)
@@ -64,11 +64,11 @@ def test_a_ray_ends_at_the_side_of_the_images_edge_it_is_on(scan: SparseScan, tr
 
 
 @pytest.mark.parametrize("missing", [{"read_image": lambda: None}, {"calibration": None}], ids=["image", "calibration"])
-def test_without_a_camera_it_is_ray_segment(missing: dict[str, Any], scan: SparseScan, grid: RayGrid) -> None:
+def test_joint_without_a_camera_equals_ray_segment(missing: dict[str, Any], scan: SparseScan, grid: RayGrid) -> None:
     same(Joint()(replace(scan, **missing), grid), RaySegment()(scan, grid))
 
 
-def test_where_the_camera_does_not_look_it_is_ray_segment(scan: SparseScan, grid: RayGrid) -> None:
+def test_joint_outside_the_field_of_view_equals_ray_segment(scan: SparseScan, grid: RayGrid) -> None:
     backwards = CALIBRATION.T_camera_lidar @ np.diag([-1.0, -1, 1, 1])
     same(
         Joint()(replace(scan, calibration=replace(CALIBRATION, T_camera_lidar=backwards)), grid),
@@ -76,7 +76,7 @@ def test_where_the_camera_does_not_look_it_is_ray_segment(scan: SparseScan, grid
     )
 
 
-def test_beside_the_image_it_is_ray_segment(scan: SparseScan, grid: RayGrid) -> None:
+def test_joint_outside_the_image_equals_ray_segment(scan: SparseScan, grid: RayGrid) -> None:
     plain, joint = RaySegment()(scan, grid), Joint()(scan, grid)
     row, column = np.nonzero(changed(joint, plain))
     pixels, _ = project(grid.points(plain.ranges[row, column], row, column), CALIBRATION)
@@ -84,7 +84,7 @@ def test_beside_the_image_it_is_ray_segment(scan: SparseScan, grid: RayGrid) -> 
     assert (pixels[:, 0] < 1199.6).all()
 
 
-def test_what_the_segment_is_sure_of_stays(scan: SparseScan, truth: Array, grid: RayGrid) -> None:
+def test_certain_segments_are_unchanged(scan: SparseScan, truth: Array, grid: RayGrid) -> None:
     """The wall alone is a plane: exact by ray-segment, and not touched."""
     alone = replace(scan, cloud=scan.cloud.select(scan.cloud.xyz[:, 0] > 20))
     plain = RaySegment()(alone, grid)
@@ -93,7 +93,7 @@ def test_what_the_segment_is_sure_of_stays(scan: SparseScan, truth: Array, grid:
     np.testing.assert_allclose(plain.ranges[known], truth[known], rtol=0.01)
 
 
-def test_sigma_is_large_where_guesses_differ(scan: SparseScan, grid: RayGrid) -> None:
+def test_sigma_grows_with_the_spread_of_guesses(scan: SparseScan, grid: RayGrid) -> None:
     plain, joint = RaySegment()(scan, grid), Joint()(scan, grid)
     assert (joint.sigma[changed(joint, plain)] > 0.02).all()
     assert np.isfinite(joint.sigma[joint.ranges > 0]).all()
@@ -101,7 +101,7 @@ def test_sigma_is_large_where_guesses_differ(scan: SparseScan, grid: RayGrid) ->
     assert not joint.trusted[joint.ranges == 0].any()
 
 
-def test_an_image_without_any_point_in_it(grid: RayGrid, scan: SparseScan) -> None:
+def test_an_image_without_points_equals_ray_segment(grid: RayGrid, scan: SparseScan) -> None:
     nothing = replace(scan, cloud=scan.cloud.select(np.zeros(len(scan.cloud), bool)))
     same(Joint()(nothing, grid), RaySegment()(nothing, grid))
 
@@ -112,14 +112,14 @@ def same(one: Prediction, other: Prediction) -> None:
     np.testing.assert_array_equal(one.trusted, other.trusted)
 
 
-def test_weighted_medians_by_hand() -> None:
+def test_weighted_medians_of_small_examples() -> None:
     values = np.array([[3.0, 1.0, 2.0], [3.0, 1.0, 2.0], [5.0, 4.0, 9.0]])
     weights = np.array([[1.0, 1.0, 1.0], [3.0, 1.0, 1.0], [0.0, 1.0, 0.2]])
     assert weighted_median(values, weights).tolist() == [2.0, 3.0, 4.0]
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 100), st.floats(0.01, 1)), min_size=1, max_size=9))
-def test_half_of_the_weight_lies_on_either_side(pairs: list[tuple[float, float]]) -> None:
+def test_weighted_medians_split_the_weight(pairs: list[tuple[float, float]]) -> None:
     values, weights = np.array(pairs).T
     median = weighted_median(values[None], weights[None])[0]
     assert weights[values <= median].sum() >= weights.sum() / 2 * (1 - 1e-9)

@@ -30,7 +30,7 @@ def method(tmp_path: Path) -> LiftMethod:
 
 
 @pytest.mark.parametrize("columns", [2000, 1801])
-def test_it_predicts_where_ray_segment_does(
+def test_lift_predicts_the_same_rays_as_ray_segment(
     columns: int, method: LiftMethod, sparse: Callable[..., SparseScan]
 ) -> None:
     scan = replace(sparse(), columns=columns)
@@ -44,12 +44,12 @@ def test_it_predicts_where_ray_segment_does(
     assert (found.sigma[known] > 0).all()
 
 
-def test_it_needs_no_camera(method: LiftMethod, sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+def test_lift_needs_no_camera(method: LiftMethod, sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     assert sparse().image is None
     assert method(sparse(), grid).ranges.any()
 
 
-def test_rings_held_out_are_asked_for_alone(
+def test_lift_predicts_held_out_rings_only(
     method: LiftMethod, sparse: Callable[..., SparseScan], grid: RayGrid
 ) -> None:
     """A ray's answer does not depend on which others are asked for."""
@@ -61,7 +61,7 @@ def test_rings_held_out_are_asked_for_alone(
 
 
 @pytest.mark.parametrize("missing", ["weights", "onnxruntime"])
-def test_without_what_it_needs_it_is_ray_segment_and_says_so_once(
+def test_without_weights_lift_falls_back_to_ray_segment(
     missing: str,
     method: LiftMethod,
     sparse: Callable[..., SparseScan],
@@ -83,8 +83,8 @@ def test_without_what_it_needs_it_is_ray_segment_and_says_so_once(
     assert missing.replace("weights", "lift.onnx") in record.getMessage()
 
 
-def test_damaged_weights_are_refused(method: LiftMethod, tmp_path: Path) -> None:
+def test_damaged_weights_are_an_error(method: LiftMethod, tmp_path: Path) -> None:
     assert method.parameters is not None
     (tmp_path / "lift.onnx").write_bytes(b"nothing of the kind")
-    with pytest.raises(InputError, match=r"lift\.onnx: no ONNX network"):
+    with pytest.raises(InputError, match=r"lift\.onnx: not an ONNX network"):
         LiftMethod(tmp_path)

@@ -64,7 +64,7 @@ def same(one: Prediction, other: Prediction) -> None:
 
 
 @pytest.mark.parametrize(("name", "scale"), [("l2l", 1.0), ("l2l", 0.5), ("f2l", 0.5)])
-def test_rays_before_the_camera_end_at_the_networks_depth(
+def test_rays_in_the_image_end_at_the_depth_of_the_network(
     name: str, scale: float, scan: SparseScan, grid: RayGrid, tmp_path: Path
 ) -> None:
     found, plain = always(200.0, tmp_path, name, scale)(scan, grid), RaySegment()(scan, grid)
@@ -80,7 +80,7 @@ def test_rays_before_the_camera_end_at_the_networks_depth(
 
 
 @pytest.mark.usefixtures("network_alone")
-def test_a_wall_is_where_it_was_measured(scan: SparseScan, grid: RayGrid, tmp_path: Path) -> None:
+def test_a_wall_is_predicted_at_its_measured_range(scan: SparseScan, grid: RayGrid, tmp_path: Path) -> None:
     """A network that takes means of depth near by, at half of the image's resolution."""
     network = NETWORKS.load("l2l")()
     with torch.no_grad():
@@ -98,7 +98,7 @@ def test_a_wall_is_where_it_was_measured(scan: SparseScan, grid: RayGrid, tmp_pa
 
 @pytest.mark.usefixtures("network_alone")
 @pytest.mark.parametrize(("factor", "wrong"), [(0.9, False), (1.1, False), (0.5, True)])
-def test_it_is_put_right_by_the_returns_above_and_below(
+def test_depths_are_corrected_by_the_returns_above_and_below(
     factor: float, wrong: bool, scan: SparseScan, grid: RayGrid, tmp_path: Path
 ) -> None:
     """A wall that a network has too near or too far; half as far is another thing before it."""
@@ -112,17 +112,17 @@ def test_it_is_put_right_by_the_returns_above_and_below(
     np.testing.assert_allclose((rho * np.cos(grid.azimuth))[answered], expected, rtol=5e-3)
 
 
-def test_what_is_no_depth_leaves_ray_segment(scan: SparseScan, grid: RayGrid, tmp_path: Path) -> None:
+def test_pixels_without_depth_use_ray_segment(scan: SparseScan, grid: RayGrid, tmp_path: Path) -> None:
     same(always(-1.0, tmp_path)(scan, grid), RaySegment()(scan, grid))
 
 
-def test_a_camera_that_sees_no_return_leaves_ray_segment(scan: SparseScan, grid: RayGrid, tmp_path: Path) -> None:
+def test_images_without_returns_use_ray_segment(scan: SparseScan, grid: RayGrid, tmp_path: Path) -> None:
     behind = replace(scan, cloud=scan.cloud.select(scan.cloud.xyz[:, 0] < 0))
     same(always(10.0, tmp_path)(behind, grid), RaySegment()(behind, grid))
 
 
 @pytest.mark.parametrize("missing", ["weights", "onnxruntime", "image", "calibration"])
-def test_without_what_it_needs_it_is_ray_segment_and_says_so_once(
+def test_without_weights_networks_fall_back_to_ray_segment(
     missing: str,
     scan: SparseScan,
     grid: RayGrid,
@@ -146,7 +146,7 @@ def test_without_what_it_needs_it_is_ray_segment_and_says_so_once(
 
 
 @pytest.mark.parametrize("content", [b"", b"nothing of the kind", None])
-def test_damaged_weights_are_refused(content: bytes | None, tmp_path: Path) -> None:
+def test_damaged_weights_are_an_error(content: bytes | None, tmp_path: Path) -> None:
     always(10.0, tmp_path)
     path = tmp_path / "l2l.onnx"
     if content is None:  # a network, but not one of ours
@@ -159,21 +159,21 @@ def test_damaged_weights_are_refused(content: bytes | None, tmp_path: Path) -> N
         ImageNetwork("l2l", tmp_path)
 
 
-def test_cells_have_the_nearest_depth_of_their_pixels() -> None:
+def test_downsampling_takes_the_nearest_depth() -> None:
     sparse = np.zeros((5, 7), np.float32)
     sparse[0, 0], sparse[1, 1], sparse[2, 3], sparse[4, 6] = 9.0, 4.0, 7.0, 3.0  # the last one in no whole cell
     assert downsampled(sparse, 0.5).tolist() == [[4, 0, 0], [0, 7, 0]]
     np.testing.assert_array_equal(downsampled(sparse, 1.0), sparse)
 
 
-def test_pixels_between_cells_are_linear_in_inverse_depth() -> None:
+def test_upsampling_is_linear_in_inverse_depth() -> None:
     cells = 1 / (0.05 + 0.01 * np.arange(6, dtype=np.float32) * np.ones((4, 1), np.float32))
     pixels = upsampled(cells, 0.5, (9, 12))
     expected = 0.05 + 0.01 * (np.arange(1, 11) / 2 - 0.25) * np.ones((9, 1))
     np.testing.assert_allclose(1 / pixels[:, 1:-1], expected, rtol=1e-5)
 
 
-def test_what_is_no_depth_stays_none_in_all_its_pixels() -> None:
+def test_upsampling_keeps_missing_depth() -> None:
     cells: Array = np.full((4, 6), 8.0, np.float32)
     cells[1, 2] = -3.0
     pixels = upsampled(cells, 0.5, (8, 12))
@@ -181,7 +181,7 @@ def test_what_is_no_depth_stays_none_in_all_its_pixels() -> None:
     np.testing.assert_allclose(pixels[:, 8:], 8.0, rtol=1e-5)
 
 
-def test_torch_is_for_training_alone() -> None:
+def test_running_networks_does_not_import_torch() -> None:
     code = """
 import sys
 import enrichment.enricher, lidarlift.cli

@@ -16,7 +16,7 @@ from slam.data.errors import InputError
 
 
 @pytest.mark.parametrize("name", METHODS.names())
-def test_every_name_makes_a_method(name: str, sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
+def test_every_method_can_be_created(name: str, sparse: Callable[..., SparseScan], grid: RayGrid) -> None:
     prediction = make_methods([name])[name](sparse(), grid)
     for values in (prediction.ranges, prediction.sigma, prediction.trusted):
         assert values.shape == grid.shape
@@ -26,19 +26,19 @@ def test_every_name_makes_a_method(name: str, sparse: Callable[..., SparseScan],
     assert not prediction.trusted[~known].any()
 
 
-def test_an_unknown_name_is_refused_with_the_nearest_one() -> None:
+def test_an_unknown_name_is_an_error_with_the_most_similar_one() -> None:
     with pytest.raises(InputError, match="did you mean 'ray-segment'"):
         make_methods(["ray-segments"])
 
 
-def test_a_package_adds_a_method(installed: Callable[[str, str, dict[str, str]], object]) -> None:
+def test_a_package_can_add_a_method(installed: Callable[[str, str, dict[str, str]], object]) -> None:
     source = "from enrichment.interpolation.ray_segment import RaySegment\nclass Mine(RaySegment): ...\n"
     installed("my-enricher", "[lidarlift.methods]\nmine = my_enricher:Mine\n", {"my_enricher.py": source})
     assert METHODS.names()[-1] == runnable()[-1] == "mine"
     assert type(make_methods(["ray-segment", "mine"])["mine"]).__name__ == "Mine"
 
 
-def test_names_alone_import_nothing_that_computes() -> None:
+def test_listing_names_imports_no_computing_modules() -> None:
     program = (
         "import sys; from enrichment.methods.registry import METHODS; METHODS.require(*METHODS.names());"
         "print(*{'numpy', 'numba', 'cv2', 'onnxruntime', 'enrichment.geometry'} & set(sys.modules))"

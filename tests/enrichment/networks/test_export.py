@@ -15,7 +15,7 @@ from slam.data.errors import InputError
 
 
 @pytest.mark.parametrize("name", NETWORKS.names())
-def test_onnx_computes_what_torch_does_at_any_size(name: str, tmp_path: Path) -> None:
+def test_onnx_agrees_with_torch_at_any_size(name: str, tmp_path: Path) -> None:
     torch.manual_seed(0)
     network = NETWORKS.load(name)()
     export(network, tmp_path, name, scale=0.5)
@@ -37,7 +37,7 @@ def test_onnx_computes_what_torch_does_at_any_size(name: str, tmp_path: Path) ->
     assert {path.name for path in tmp_path.iterdir()} == {f"{name}.onnx", f"{name}.safetensors"}
 
 
-def test_weights_come_back(tmp_path: Path) -> None:
+def test_weights_are_written_and_loaded(tmp_path: Path) -> None:
     one, other = NETWORKS.load("l2l")(), NETWORKS.load("l2l")()
     export(one, tmp_path, "mine")
     load_weights(other, tmp_path / "mine.safetensors")
@@ -45,16 +45,16 @@ def test_weights_come_back(tmp_path: Path) -> None:
         assert torch.equal(other.state_dict()[name], value)
 
 
-def test_weights_of_another_network_are_refused(tmp_path: Path) -> None:
+def test_weights_of_another_network_are_an_error(tmp_path: Path) -> None:
     export(NETWORKS.load("l2l")(), tmp_path, "mine")
-    with pytest.raises(InputError, match=r"mine\.safetensors: no weights of F2L"):
+    with pytest.raises(InputError, match=r"mine\.safetensors: not the weights of F2L"):
         load_weights(NETWORKS.load("f2l")(), tmp_path / "mine.safetensors")
 
 
 @pytest.mark.parametrize("content", [None, b"nothing of the kind"])
-def test_a_file_that_is_none_is_refused(content: bytes | None, tmp_path: Path) -> None:
+def test_invalid_weight_files_are_an_error(content: bytes | None, tmp_path: Path) -> None:
     path = tmp_path / "weights.safetensors"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(InputError, match=r"weights\.safetensors: no weights of L2L"):
+    with pytest.raises(InputError, match=r"weights\.safetensors: not the weights of L2L"):
         load_weights(NETWORKS.load("l2l")(), path)

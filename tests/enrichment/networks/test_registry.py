@@ -41,11 +41,11 @@ def example(height: int = 16, width: int = 24) -> tuple[Tensor, Tensor]:
         ("f2l-light", ERFNET + SCNN + TABLE_1 + PROJECTION - LARGE + SEPARATED),
     ],
 )
-def test_parameters_as_published(name: str, parameters: int) -> None:
+def test_networks_have_the_published_number_of_parameters(name: str, parameters: int) -> None:
     assert sum(p.numel() for p in made(name).parameters()) == parameters
 
 
-def test_erfnet_has_as_many_parameters_as_published() -> None:
+def test_erfnet_has_the_published_number_of_parameters() -> None:
     assert sum(p.numel() for p in ERFNet(4, 20).parameters()) == ERFNET
 
 
@@ -67,7 +67,7 @@ def test_every_parameter_learns_and_the_loss_falls(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["l2l", "f2l", "f2l-light"])
-def test_a_new_network_gives_the_depth_that_is_around(name: str) -> None:
+def test_a_new_network_predicts_surrounding_depths(name: str) -> None:
     image, depth = example()
     with torch.no_grad():
         dense = made(name)(image, torch.where(depth > 0, 20.0, 0.0))
@@ -77,7 +77,7 @@ def test_a_new_network_gives_the_depth_that_is_around(name: str) -> None:
 
 @pytest.mark.parametrize("name", NETWORKS.names())
 @pytest.mark.parametrize("shape", [(24, 40), (21, 37)])
-def test_the_output_is_as_large_as_the_input(name: str, shape: tuple[int, int]) -> None:
+def test_the_output_has_the_size_of_the_input(name: str, shape: tuple[int, int]) -> None:
     with torch.no_grad():
         dense = made(name).eval()(*example(*shape))
     assert dense.shape == (2, 1, *shape)
@@ -85,14 +85,14 @@ def test_the_output_is_as_large_as_the_input(name: str, shape: tuple[int, int]) 
 
 
 @pytest.mark.parametrize("name", NETWORKS.names())
-def test_the_seed_decides(name: str) -> None:
+def test_initial_weights_depend_on_the_seed(name: str) -> None:
     one, same, other = ([p.detach() for p in made(name, seed).parameters()] for seed in (0, 0, 1))
     assert all(torch.equal(a, b) for a, b in zip(one, same, strict=True))
     assert not all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
 
 
 @pytest.mark.parametrize(("name", "used"), [("l2l", False), ("li2l", True), ("f2l", True), ("f2l-light", True)])
-def test_which_networks_look_at_the_image(name: str, used: bool) -> None:
+def test_networks_that_use_the_image(name: str, used: bool) -> None:
     network, (image, depth) = made(name).eval(), example()
     with torch.no_grad():
         for parameter in network.parameters():  # some start at 0

@@ -18,7 +18,7 @@ def known_at(*at: tuple[int, int], shape: tuple[int, int] = (41, 61)) -> Tensor:
     return mask
 
 
-def test_equation_1_by_hand() -> None:
+def test_sparse_convolution_of_a_small_example() -> None:
     layer = SparseConvolution(1, 1, 3)
     with torch.no_grad():
         layer.weight.copy_(torch.arange(1.0, 10).reshape(1, 1, 3, 3))
@@ -41,7 +41,7 @@ def test_equation_1_by_hand() -> None:
 
 @given(seed=st.integers(0, 1000), share=st.floats(0.02, 1.0), size=st.sampled_from([3, 5, 11]))
 @settings(max_examples=25, deadline=None)
-def test_on_a_constant_field_a_uniform_kernel_does_not_see_the_density(seed: int, share: float, size: int) -> None:
+def test_a_uniform_kernel_on_a_constant_field_is_density_invariant(seed: int, share: float, size: int) -> None:
     generator = torch.Generator().manual_seed(seed)
     mask = (torch.rand(1, 1, 30, 40, generator=generator) < share).float()
     layer = SparseConvolution(1, 1, size)
@@ -53,7 +53,7 @@ def test_on_a_constant_field_a_uniform_kernel_does_not_see_the_density(seed: int
     torch.testing.assert_close(y[reached == 0], torch.full_like(y[reached == 0], -0.2), rtol=1e-4, atol=0)
 
 
-def test_five_layers_reach_twelve_pixels() -> None:
+def test_the_receptive_field_is_twelve_pixels() -> None:
     network, mask = SCNN(), known_at((20, 30), (3, 50))
     x = 5 * mask
     dilated = torch.nn.functional.max_pool2d(mask, 25, stride=1, padding=12)
@@ -62,11 +62,11 @@ def test_five_layers_reach_twelve_pixels() -> None:
     assert torch.equal(mask, dilated)
 
 
-def test_it_has_as_many_parameters_as_published() -> None:
+def test_scnn_has_the_published_number_of_parameters() -> None:
     assert sum(p.numel() for p in SCNN().parameters()) == 25_585
 
 
-def test_it_starts_at_the_same_scale_whatever_the_density() -> None:
+def test_the_initial_scale_does_not_depend_on_the_density() -> None:
     torch.manual_seed(0)
     depth, network = torch.full((1, 1, 60, 60), 0.3), SCNN()
     sparse = depth * (torch.rand_like(depth) < 0.05)

@@ -25,7 +25,7 @@ def step(axis: int, at: int, near: float = 10, far: float = 20) -> Array:
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_a_step_is_found_where_it_is(axis: int) -> None:
+def test_a_step_is_located(axis: int) -> None:
     found = discontinuities(step(axis, 40))
     assert set(np.nonzero(found[axis])[axis]) <= {39, 40}
     assert found[axis].any(axis=axis).all()
@@ -34,11 +34,11 @@ def test_a_step_is_found_where_it_is(axis: int) -> None:
 
 
 @pytest.mark.parametrize(("far", "found"), [(10.9, False), (11.3, True)])
-def test_a_step_counts_from_a_tenth_on(far: float, found: bool) -> None:
+def test_steps_above_ten_percent_are_discontinuities(far: float, found: bool) -> None:
     assert discontinuities(step(1, 40, 10, far)).any() == found
 
 
-def test_planes_have_no_discontinuity_however_steep() -> None:
+def test_planes_have_no_discontinuities() -> None:
     """The ground, a wall along the road, and where the two meet."""
     row, column = np.mgrid[1:121, 1:401].astype(float)
     ground, wall = 1.7 * 700 / row, 3.0 * 700 / column
@@ -48,7 +48,7 @@ def test_planes_have_no_discontinuity_however_steep() -> None:
         assert not discontinuities(depth).any()
 
 
-def test_a_scan_fills_its_part_of_the_image(dense: PointCloud) -> None:
+def test_depth_is_interpolated_between_returns(dense: PointCloud) -> None:
     """A wall at 15 m and the ground before it, in front of the camera."""
     image, (rows, columns) = of_scan(Frame(3, 0.0, dense, CAMERA, lambda: IMAGE))
     assert image.number == 3
@@ -61,18 +61,18 @@ def test_a_scan_fills_its_part_of_the_image(dense: PointCloud) -> None:
     assert np.abs(image.depth - expected)[image.known].mean() < 0.05
 
 
-def test_without_image_there_is_no_depth_image(dense: PointCloud) -> None:
+def test_a_frame_without_an_image_is_an_error(dense: PointCloud) -> None:
     with pytest.raises(InputError, match="scan 3"):
         of_scan(Frame(3, 0.0, dense, CAMERA, lambda: None))
 
 
-def test_a_camera_that_sees_nothing_is_said_so(dense: PointCloud) -> None:
+def test_a_camera_that_sees_no_returns_is_an_error(dense: PointCloud) -> None:
     upwards = Calibration(CAMERA.K, np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]))
     with pytest.raises(InputError, match="calibration"):
         of_scan(Frame(3, 0.0, dense, upwards, lambda: IMAGE))
 
 
-def test_exact_depth_of_a_simulation(tmp_path: Path) -> None:
+def test_exact_depth_of_a_simulation_is_read(tmp_path: Path) -> None:
     """Cut out as the scan's, the sky and what is very far at 80 m."""
     window = (slice(1, 3), slice(0, 2))
     scan = DepthImage(np.ones((2, 2)), np.ones((2, 2), bool), np.zeros((2, 2, 3), np.uint8), 4)

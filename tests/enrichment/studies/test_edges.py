@@ -18,7 +18,7 @@ def picture(brightness: Array, depth: Array, known: Array | None = None) -> Dept
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_an_edge_at_the_discontinuity_is_precise_and_complete(detector: str) -> None:
+def test_an_edge_at_the_discontinuity_has_full_precision_and_recall(detector: str) -> None:
     figures = edges(picture(50 + 150 * (COLUMN >= 40), 10 + 10 * (COLUMN >= 40)))[detector]
     for threshold in THRESHOLDS[:-1]:
         assert figures[threshold].precision == 1
@@ -26,13 +26,13 @@ def test_an_edge_at_the_discontinuity_is_precise_and_complete(detector: str) -> 
         assert figures[threshold].recall_by_chance < 0.2
 
 
-def test_an_edge_elsewhere_is_neither() -> None:
+def test_an_edge_elsewhere_has_no_precision_and_recall() -> None:
     figures = edges(picture(50 + 150 * (COLUMN >= 20), 10 + 10 * (COLUMN >= 60)))["canny"][90]
     assert figures.precision == 0
     assert figures.recall == 0
 
 
-def test_paint_halves_precision_and_leaves_recall() -> None:
+def test_painted_edges_halve_precision_only() -> None:
     stripe = 150 * (COLUMN >= 40) * (COLUMN < 60)
     figures = edges(picture(50 + stripe, 10 + 10 * (COLUMN >= 40)))["canny"][90]
     assert figures.precision == pytest.approx(0.5, abs=0.02)
@@ -48,7 +48,7 @@ def test_recall_falls_as_the_threshold_rises() -> None:
         assert recall[0] > recall[-1]
 
 
-def test_what_is_not_known_does_not_count() -> None:
+def test_unknown_pixels_do_not_count() -> None:
     known = COLUMN < 30
     figures = edges(picture(50 + 150 * (COLUMN >= 40), 10 + 10 * (COLUMN >= 60), known))["canny"][90]
     assert np.isnan(figures.precision)

@@ -18,7 +18,7 @@ def depth_image(depth: Array) -> DepthImage:
 
 
 @pytest.mark.parametrize("selection", SELECTIONS)
-def test_constant_depth_survives_any_fraction(selection: str) -> None:
+def test_constant_depth_is_preserved_by_any_fraction(selection: str) -> None:
     for fraction in (*FRACTIONS, 1e-9):
         np.testing.assert_allclose(reconstruct(np.full((64, 96), 12.5), fraction, selection), 12.5)
 
@@ -31,7 +31,7 @@ def test_one_frequency_needs_one_coefficient(selection: str) -> None:
 
 
 @pytest.mark.parametrize("selection", SELECTIONS)
-def test_errors_grow_as_coefficients_go(selection: str) -> None:
+def test_errors_grow_with_fewer_coefficients(selection: str) -> None:
     rng = np.random.default_rng(3)
     depth = 20 + np.where(COLUMN > 50, 15.0, 0) + rng.normal(0, 1, ROW.shape)
     errors = [figures.rmse_m for figures in sparsity(depth_image(depth))[selection].values()]
@@ -39,7 +39,7 @@ def test_errors_grow_as_coefficients_go(selection: str) -> None:
     assert all(np.diff(errors) > 0)
 
 
-def test_the_largest_are_never_worse_than_the_lowest() -> None:
+def test_largest_coefficients_are_at_least_as_good_as_lowest() -> None:
     """Parseval: what is left out is the error, and the largest leave out the least; the counts are about equal."""
     figures = sparsity(depth_image(np.where(COLUMN > 50, 30.0, 10.0) + ROW / 20))
     for fraction in FRACTIONS[1:]:
@@ -48,7 +48,7 @@ def test_the_largest_are_never_worse_than_the_lowest() -> None:
         assert figures["largest"][fraction].rmse_m <= figures["lowest"][fraction].rmse_m + 1e-9
 
 
-def test_an_edge_is_lost_with_the_frequencies_it_needs() -> None:
+def test_an_edge_is_lost_with_its_frequencies() -> None:
     bars = np.where(COLUMN // 12 % 2, 30.0, 10.0)
     lowest = sparsity(depth_image(bars))["lowest"]
     assert lowest[1.0].preserved == 1
@@ -57,7 +57,7 @@ def test_an_edge_is_lost_with_the_frequencies_it_needs() -> None:
     assert lowest[0.015625].mae_at_jumps_m > 2 * lowest[0.015625].mae_elsewhere_m
 
 
-def test_without_discontinuities_only_errors_are_figures() -> None:
+def test_without_discontinuities_their_figures_are_nan() -> None:
     plain, stepped = (sparsity(depth_image(depth)) for depth in (np.full((64, 96), 10.0), 10.0 + 20 * (COLUMN > 50)))
     assert np.isnan(plain["largest"][0.5].preserved)
     both = mean_figures([plain, stepped])["lowest"][0.5]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from enrichment.geometry.image_rays import see
+from enrichment.geometry.image_rays import project_scan
 from enrichment.geometry.sparse_scan import SparseScan
 from enrichment.methods.onnx_network import downsampled
 from enrichment.training.image_examples import (
@@ -31,11 +31,11 @@ WHOLE = Window(0, 0, 40, 120)
 
 
 @pytest.mark.parametrize("phase", [0, 3])
-def test_the_input_is_what_a_sparse_lidar_gives_where_the_network_is_used(drive: Any, pack: Pack, phase: int) -> None:
+def test_the_input_equals_that_of_a_run(drive: Any, pack: Pack, phase: int) -> None:
     frame = drive[0]
     rings = np.arange(64)
     scan = SparseScan(frame.cloud, drive.sensor, rings, frame.read_image, frame.calibration)
-    expected = downsampled(see(scan.without(rings[rings % 4 != phase])).image, 0.5)
+    expected = downsampled(project_scan(scan.without(rings[rings % 4 != phase])).image, 0.5)
     found = sparse(pack[0], WHOLE, 4, phase)
     assert (found > 0).sum() > 500
     np.testing.assert_allclose(found, expected, atol=0.51 / DEPTH_SCALE)
@@ -43,7 +43,7 @@ def test_the_input_is_what_a_sparse_lidar_gives_where_the_network_is_used(drive:
 
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-def test_an_example_has_the_returns_of_one_comb_of_rings_alone(pack: Pack, seed: int) -> None:
+def test_an_example_has_every_nth_ring_only(pack: Pack, seed: int) -> None:
     sample = pack[0]
     # depth tells the ring now: 1 m for ring 0, 2 m for ring 1, ...; the target tells the cell
     returns = sample.returns.copy()
@@ -62,7 +62,7 @@ def test_an_example_has_the_returns_of_one_comb_of_rings_alone(pack: Pack, seed:
 
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-def test_image_and_target_are_of_the_same_cells(pack: Pack, seed: int) -> None:
+def test_image_and_target_are_aligned(pack: Pack, seed: int) -> None:
     sample = pack[0]
     target = np.arange(1, sample.target.size + 1, dtype=np.float32).reshape(sample.target.shape)
     grey = np.repeat(np.arange(120, dtype=np.uint8)[None, :, None] + 60, 40, axis=0) * np.ones(3, np.uint8)
@@ -79,7 +79,7 @@ def test_image_and_target_are_of_the_same_cells(pack: Pack, seed: int) -> None:
     assert (brighter != 0).any()
 
 
-def test_examples_follow_from_seed_and_number_alone(pack: Pack) -> None:
+def test_examples_depend_on_seed_and_number_only(pack: Pack) -> None:
     whole, rest = TrainingImages([pack], CROP, 7, 0, 8), TrainingImages([pack], CROP, 7, 5, 3)
     for number in range(3):
         for one, other in zip(whole[5 + number], rest[number], strict=True):
@@ -88,7 +88,7 @@ def test_examples_follow_from_seed_and_number_alone(pack: Pack) -> None:
     assert any((one.image != other.image).any() for one, other in zip(whole, other_seed, strict=True))
 
 
-def test_all_frames_come_before_one_comes_again(pack: Pack, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_epoch_has_all_frames(pack: Pack, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[int] = []
     monkeypatch.setattr(Pack, "__getitem__", lambda _, k: seen.append(k) or k)
     monkeypatch.setattr("enrichment.training.image_examples.random_example", lambda *_: Example(*(3 * [None])))  # type: ignore[list-item]
@@ -106,7 +106,7 @@ def test_validation_keeps_every_fourth_ring_of_the_whole_image(pack: Pack) -> No
     np.testing.assert_array_equal(target[0], pack[1].target)
 
 
-def test_crops_larger_than_images_are_refused(pack: Pack) -> None:
+def test_crops_larger_than_images_are_an_error(pack: Pack) -> None:
     require_crop([pack], (40, 120))
     with pytest.raises(InputError, match=r"images of 40x120 at scale 0\.5; choose a --crop"):
         require_crop([pack], (41, 120))

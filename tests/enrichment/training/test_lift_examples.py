@@ -13,12 +13,12 @@ from enrichment.geometry.held_out import past_of
 from enrichment.lift.channels import Candidate, Ray
 from enrichment.lift.network import Lift
 from enrichment.training.lift_examples import (
-    BLURRED,
     CROP,
+    MARGIN,
     TrainingScans,
     ValidationScans,
+    crop_columns,
     example,
-    part_of,
     random_rings,
 )
 from enrichment.training.lift_task import LiftTask
@@ -30,7 +30,7 @@ HDL64, VLP16 = load_sensor("hdl64"), load_sensor("vlp16")
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_of_sixty_four_rings_some_are_given_and_the_others_asked_for(seed: int) -> None:
+def test_rings_of_64_are_split_into_input_and_target(seed: int) -> None:
     kept, asked = random_rings(HDL64, own_rings=False, rng=np.random.default_rng(seed))
     assert sorted([*kept, *asked]) == list(range(64))
     assert len(set(np.diff(kept))) == 1
@@ -39,7 +39,7 @@ def test_of_sixty_four_rings_some_are_given_and_the_others_asked_for(seed: int) 
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("sensor", [HDL64, VLP16])
-def test_a_sparse_lidars_own_rings_are_held_out_one_by_one(seed: int, sensor: Sensor) -> None:
+def test_held_out_rings_of_a_sparse_lidar_are_not_adjacent(seed: int, sensor: Sensor) -> None:
     kept, asked = random_rings(sensor, own_rings=True, rng=np.random.default_rng(seed))
     all_of_them = np.sort(np.concatenate([kept, asked]))
     assert len(all_of_them) == 16
@@ -50,7 +50,7 @@ def test_a_sparse_lidars_own_rings_are_held_out_one_by_one(seed: int, sensor: Se
     assert place.max() < 15
 
 
-def test_answers_are_on_their_rays(drive: Any) -> None:
+def test_targets_are_on_their_rays(drive: Any) -> None:
     given = ValidationScans([drive])[0]
     known = (given.truth > 0) & (given.rays[:, Ray.KNOWN] > 0)
     assert known.sum() > 10_000
@@ -58,7 +58,7 @@ def test_answers_are_on_their_rays(drive: Any) -> None:
     assert (segment - given.truth)[known].abs().median() < 0.05  # ground and a wall: planes nearly everywhere
 
 
-def test_a_mirror_turns_columns_round(drive: Any) -> None:
+def test_mirroring_reverses_columns(drive: Any) -> None:
     frame, rings = drive[1], np.arange(64)
     kept, asked = rings[::4], rings[rings % 4 > 0]
     one, other = (example(frame, HDL64, kept, asked, None, mirrored=mirrored) for mirrored in (False, True))
@@ -66,7 +66,7 @@ def test_a_mirror_turns_columns_round(drive: Any) -> None:
         torch.testing.assert_close(getattr(one, name), getattr(other, name).flip(-1), rtol=1e-4, atol=1e-4)
 
 
-def test_the_seed_and_the_number_decide(drive: Any) -> None:
+def test_examples_depend_on_seed_and_number_only(drive: Any) -> None:
     first, later = TrainingScans([drive], False, 3, 0, 4), TrainingScans([drive], False, 3, 2, 2)
     for one, other in zip(first[2], later[0], strict=True):
         assert torch.equal(one, other)
@@ -75,7 +75,7 @@ def test_the_seed_and_the_number_decide(drive: Any) -> None:
     )
 
 
-def test_every_scan_comes_before_one_comes_again(drive: Any) -> None:
+def test_every_epoch_has_all_scans(drive: Any) -> None:
     looked_at = []
 
     class Watched(type(drive)):  # type: ignore[misc]
@@ -92,12 +92,12 @@ def test_every_scan_comes_before_one_comes_again(drive: Any) -> None:
     assert sorted(looked_at[:3]) == sorted(looked_at[3:]) == [0, 1, 2]
 
 
-def test_without_a_known_lidar_nothing_can_be_held_out(drive: Any) -> None:
-    with pytest.raises(InputError, match=r"nobody knows which LiDAR this was; place a sensor\.yaml beside it"):
+def test_an_unknown_sensor_model_is_an_error(drive: Any) -> None:
+    with pytest.raises(InputError, match=r"the sensor model is unknown; add a sensor\.yaml to the folder"):
         LiftTask([replace(drive, sensor=None)], [])
 
 
-def test_the_past_is_of_the_scans_before(drive: Any) -> None:
+def test_history_holds_the_scans_before(drive: Any) -> None:
     """The street has a wall ahead, and the drive goes a metre nearer with each scan."""
     moved = replace(drive, clouds=[cloud.with_xyz(cloud.xyz - [k, 0, 0]) for k, cloud in enumerate(drive.clouds)])
     found = past_of(moved, 2)
@@ -111,18 +111,18 @@ def test_the_past_is_of_the_scans_before(drive: Any) -> None:
     assert has_past.float().mean() > 0.05
 
 
-def test_next_to_the_edges_of_a_part_nothing_is_asked(drive: Any) -> None:
+def test_crops_have_no_targets_near_their_edges(drive: Any) -> None:
     whole = ValidationScans([drive])[0]
-    part = part_of(whole, 10)
+    part = crop_columns(whole, 10)
     assert part.rays.shape[-1] == part.rings.shape[-1] == CROP
     torch.testing.assert_close(part.rays[..., CROP // 2], whole.rays[..., 10])
-    assert not part.truth[..., :BLURRED].any()
-    assert not part.truth[..., -BLURRED:].any()
-    inside = part.truth[..., BLURRED:-BLURRED]
-    torch.testing.assert_close(inside[..., CROP // 2 - BLURRED], whole.truth[..., 10])
+    assert not part.truth[..., :MARGIN].any()
+    assert not part.truth[..., -MARGIN:].any()
+    inside = part.truth[..., MARGIN:-MARGIN]
+    torch.testing.assert_close(inside[..., CROP // 2 - MARGIN], whole.truth[..., 10])
 
 
-def test_alike_scans_are_learned_from_together(drive: Any) -> None:
+def test_scans_with_the_same_rings_are_batched(drive: Any) -> None:
     """The loss does not depend on the order, and scans of other rings may be among them."""
     torch.manual_seed(0)
     task, network = LiftTask([drive], []), Lift().eval()

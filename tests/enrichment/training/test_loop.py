@@ -36,7 +36,7 @@ def equal(one: Checkpoint, other: Checkpoint) -> bool:
     )
 
 
-def test_a_broken_off_training_ends_as_if_it_had_not_been(pack: Pack, tmp_path: Path, tiny: Known) -> None:
+def test_a_resumed_training_equals_an_uninterrupted_one(pack: Pack, tmp_path: Path, tiny: Known) -> None:
     tiny()
     whole = trained(PLAN, pack, tmp_path / "whole")
     tiny(4)
@@ -50,7 +50,7 @@ def test_a_broken_off_training_ends_as_if_it_had_not_been(pack: Pack, tmp_path: 
     assert equal(whole, resumed)
 
 
-def test_the_seed_decides(pack: Pack, tmp_path: Path, tiny: Known) -> None:
+def test_weights_depend_on_the_seed(pack: Pack, tmp_path: Path, tiny: Known) -> None:
     tiny()
     plan = replace(PLAN, steps=2)
     first = trained(plan, pack, tmp_path / "a", validate=False)
@@ -59,7 +59,7 @@ def test_the_seed_decides(pack: Pack, tmp_path: Path, tiny: Known) -> None:
     assert not equal(first, trained(replace(plan, seed=1), pack, tmp_path / "c", validate=False))
 
 
-def test_half_precision_is_near_the_whole(pack: Pack, tmp_path: Path, tiny: Known) -> None:
+def test_bfloat16_is_close_to_single_precision(pack: Pack, tmp_path: Path, tiny: Known) -> None:
     tiny()
     plan = replace(PLAN, steps=2)
     whole = trained(plan, pack, tmp_path / "whole")
@@ -72,7 +72,9 @@ def test_half_precision_is_near_the_whole(pack: Pack, tmp_path: Path, tiny: Know
         trained(plan, pack, tmp_path / "half", resume=True)
 
 
-def test_what_is_left_behind(pack: Pack, tmp_path: Path, tiny: Known, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_training_writes_weights_and_card(
+    pack: Pack, tmp_path: Path, tiny: Known, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("enrichment.training.loop.LOG_EVERY", 1)
     tiny()
     losses: list[float] = []
@@ -100,7 +102,7 @@ def test_what_is_left_behind(pack: Pack, tmp_path: Path, tiny: Known, monkeypatc
     assert list((tmp_path / "out" / "logs").glob("tensorboard/*/events.*"))
 
 
-def test_weights_of_kitti_are_not_for_commerce(pack: Pack, tmp_path: Path, tiny: Known) -> None:
+def test_weights_trained_on_kitti_are_non_commercial(pack: Pack, tmp_path: Path, tiny: Known) -> None:
     tiny()
     training = Training(replace(PLAN, steps=1), ImageTask([pack], []), tmp_path / "out")
     train(training, "cpu")
@@ -111,19 +113,19 @@ def test_weights_of_kitti_are_not_for_commerce(pack: Pack, tmp_path: Path, tiny:
     assert "no validation" in card
 
 
-def test_another_training_is_not_resumed(pack: Pack, tmp_path: Path, tiny: Known) -> None:
+def test_a_checkpoint_of_another_training_is_an_error(pack: Pack, tmp_path: Path, tiny: Known) -> None:
     tiny()
     trained(replace(PLAN, steps=1), pack, tmp_path)
-    with pytest.raises(InputError, match=r"another seed; resume with the same"):
+    with pytest.raises(InputError, match=r"another seed; use the same"):
         trained(replace(PLAN, seed=1), pack, tmp_path, resume=True)
     with pytest.raises(InputError, match=r"on other data"):
         trained(PLAN, pack, tmp_path, resume=True, validate=False)
     (tmp_path / CHECKPOINT).write_bytes(b"else")
-    with pytest.raises(InputError, match=r"no checkpoint to resume from"):
+    with pytest.raises(InputError, match=r"not a checkpoint"):
         trained(PLAN, pack, tmp_path, resume=True)
 
 
-def test_errors_are_taken_off_the_kept_returns() -> None:
+def test_errors_exclude_cells_with_input() -> None:
     def image(*values: float) -> torch.Tensor:
         return torch.tensor(values, dtype=torch.float32)[None, None, None]
 
@@ -132,14 +134,14 @@ def test_errors_are_taken_off_the_kept_returns() -> None:
     assert (float(mae), float(rmse)) == pytest.approx((2, 5**0.5))
 
 
-def test_the_learning_rate_rises_and_falls() -> None:
+def test_the_learning_rate_warms_up_and_decays() -> None:
     plan = Plan("tiny", steps=1000)
     assert [plan.rate_at(step) / RATE for step in (0, 99, 100, 550)] == pytest.approx([0.01, 1, 1, 0.5])
     assert 0 < plan.rate_at(999) < 1e-5 * RATE
     assert Plan("tiny", steps=1).rate_at(0) == RATE
 
 
-def test_figures_survive_a_checkpoint(tmp_path: Path) -> None:
+def test_figures_are_restored_from_a_checkpoint(tmp_path: Path) -> None:
     checkpoint = Checkpoint(PLAN, "data", 3, Figures(2, 0.5, 1.5), {"network.a": torch.ones(2)})
     checkpoint.write(tmp_path / "a.safetensors")
     again = read_checkpoint(tmp_path / "a.safetensors")

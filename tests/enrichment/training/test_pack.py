@@ -13,7 +13,7 @@ from enrichment.training.samples import Source
 from slam.data.errors import InputError
 
 
-def test_what_goes_in_comes_out(drive: Any, tmp_path: Path) -> None:
+def test_samples_are_packed_and_unpacked(drive: Any, tmp_path: Path) -> None:
     samples = [sample for sample in Source(drive, drive.ground_truth) if sample is not None]
     packed(tmp_path / "a.npz", [Source(drive, drive.ground_truth)])
     pack = Pack(tmp_path / "a.npz")
@@ -26,7 +26,7 @@ def test_what_goes_in_comes_out(drive: Any, tmp_path: Path) -> None:
         assert (again.scale, again.ring_step) == (0.5, 4)
 
 
-def test_several_drives_in_one(drive: Any, tmp_path: Path) -> None:
+def test_a_pack_holds_several_sequences(drive: Any, tmp_path: Path) -> None:
     class Another(type(drive)):  # type: ignore[misc]
         name = "another"
 
@@ -40,24 +40,24 @@ def test_several_drives_in_one(drive: Any, tmp_path: Path) -> None:
     np.testing.assert_array_equal(pack[3].returns, pack[1].returns)
 
 
-def test_a_pack_is_made_once(drive: Any, tmp_path: Path) -> None:
+def test_a_pack_is_written_once(drive: Any, tmp_path: Path) -> None:
     path, seen = tmp_path / "a.npz", list[None]()
     packed(path, [Source(drive)])
     assert len(packed(path, [Source(drive)], lambda: seen.append(None))) == 3
     assert not seen
-    with pytest.raises(InputError, match=r"a\.npz: packed from other drives or settings"):
+    with pytest.raises(InputError, match=r"a\.npz: packed from other sequences or settings"):
         packed(path, [Source(drive, scale=1.0)])
 
 
-def test_a_drive_without_images_is_refused(drive: Any, tmp_path: Path) -> None:
+def test_a_sequence_without_images_is_an_error(drive: Any, tmp_path: Path) -> None:
     drive.without_image = frozenset({0, 1, 2})
-    with pytest.raises(InputError, match="no frame with an image"):
+    with pytest.raises(InputError, match="no frame has both an image"):
         packed(tmp_path / "a.npz", [Source(drive)])
     assert not (tmp_path / "a.npz").exists()
 
 
 @pytest.mark.parametrize("content", [b"", b"no pack", "cut", "pickle", "plain"])
-def test_other_files_are_told(pack: Pack, tmp_path: Path, content: bytes | str) -> None:
+def test_other_files_are_an_error(pack: Pack, tmp_path: Path, content: bytes | str) -> None:
     path = tmp_path / "other.npz"
     if isinstance(content, bytes):
         path.write_bytes(content)
@@ -66,10 +66,10 @@ def test_other_files_are_told(pack: Pack, tmp_path: Path, content: bytes | str) 
     else:
         array = np.array([{}], object) if content == "pickle" else np.zeros(3)
         np.savez(path, about=array)
-    with pytest.raises(InputError, match=r"other\.npz: no pack of version"):
+    with pytest.raises(InputError, match=r"other\.npz: not a pack of version"):
         Pack(path)
 
 
-def test_a_pack_that_is_not_there(tmp_path: Path) -> None:
+def test_a_missing_pack_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         Pack(tmp_path / "none.npz")

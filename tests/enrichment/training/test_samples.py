@@ -59,7 +59,7 @@ def test_the_target_has_all_rings_that_the_camera_sees(drive: Any) -> None:
     assert (target[row, column] <= depth[seen] + 0.51 / DEPTH_SCALE).all()
 
 
-def test_neighbouring_scans_fill_in_between(drive: Any, dense: PointCloud) -> None:
+def test_neighbouring_scans_densify_the_target(drive: Any, dense: PointCloud) -> None:
     even, odd = (dense.select(dense.ring % 2 == parity) for parity in (0, 1))
     drive = replace(drive, clouds=[even, odd.with_xyz(odd.xyz - [1, 0, 0])])
     alone, both = first(Source(drive)).target, first(Source(drive, drive.ground_truth)).target
@@ -70,7 +70,7 @@ def test_neighbouring_scans_fill_in_between(drive: Any, dense: PointCloud) -> No
     assert np.quantile(off, 0.9) < 0.05  # far down the road a cell spans more
 
 
-def test_what_moved_meanwhile_is_left_out(drive: Any, dense: PointCloud) -> None:
+def test_points_of_moving_objects_are_left_out(drive: Any, dense: PointCloud) -> None:
     even, odd = (dense.select(dense.ring % 2 == parity) for parity in (0, 1))
     car = odd.select((odd.xyz[:, 0] > 14) & (np.abs(odd.xyz[:, 1]) < 3) & (odd.xyz[:, 2] > -0.5))
     car = car.with_xyz(car.xyz - [8, 0, 0])  # 7 m away in the second scan, where the first saw the wall
@@ -79,7 +79,7 @@ def test_what_moved_meanwhile_is_left_out(drive: Any, dense: PointCloud) -> None
     np.testing.assert_array_equal(target, first(Source(drive)).target)
 
 
-def test_exact_depth_beside_the_drive_is_the_target(drive: Any) -> None:
+def test_exact_depth_images_are_the_target(drive: Any) -> None:
     depth = truth((80, 240), 1.0, drive)
     (drive.path / "depth_2").mkdir()
     cv2.imwrite(str(drive.path / "depth_2" / "000010.png"), np.round(depth * 256).astype(np.uint16))
@@ -88,7 +88,7 @@ def test_exact_depth_beside_the_drive_is_the_target(drive: Any) -> None:
     np.testing.assert_allclose(first(of).target, truth((40, 120), 0.5, drive), rtol=0.02)
 
 
-def test_disparity_beside_the_drive_is_the_target(drive: Any) -> None:
+def test_disparity_images_are_the_target(drive: Any) -> None:
     (drive.path / "disp_occ_0").mkdir()
     disparity = np.zeros((80, 240), np.uint16)
     disparity[::2, ::2] = 256 * 8  # pixels
@@ -99,12 +99,12 @@ def test_disparity_beside_the_drive_is_the_target(drive: Any) -> None:
     np.testing.assert_allclose(first(of).target, 384 / 8, rtol=1e-6)
 
 
-def test_frames_without_image_are_passed_over(drive: Any) -> None:
+def test_frames_without_an_image_are_skipped(drive: Any) -> None:
     samples = list(Source(replace(drive, without_image=frozenset({1}))))
     assert [sample is None for sample in samples] == [False, True, False]
 
 
-def test_poses_from_a_file(drive: Any, tmp_path: Path) -> None:
+def test_poses_are_read_from_a_file(drive: Any, tmp_path: Path) -> None:
     path = tmp_path / "run.txt"
     path.write_text(kitti_text(drive.ground_truth))
     of = source(drive, path)
@@ -115,7 +115,7 @@ def test_poses_from_a_file(drive: Any, tmp_path: Path) -> None:
         source(drive, path)
 
 
-@pytest.mark.parametrize(("what", "fault"), [("calibration", "no camera"), ("sensor", "which LiDAR")])
-def test_a_drive_that_lacks_what_is_needed_is_refused(drive: Any, what: str, fault: str) -> None:
+@pytest.mark.parametrize(("what", "fault"), [("calibration", "no camera"), ("sensor", "sensor model is unknown")])
+def test_unsuitable_sequences_are_an_error(drive: Any, what: str, fault: str) -> None:
     with pytest.raises(InputError, match=fault):
         Source(replace(drive, **{what: None}))

@@ -25,7 +25,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_triple_is_found_by_its_names(folder):
+def test_triples_are_found_by_file_names(folder):
     assert is_depth_map_folder(folder)
     (triple,) = depth_map_triples(folder)
     sparse, truth, image = triple.read()
@@ -34,7 +34,7 @@ def test_a_triple_is_found_by_its_names(folder):
     np.testing.assert_array_equal(image[0, 0], [200, 0, 0])
 
 
-def test_other_folders_are_none(tmp_path):
+def test_other_folders_are_not_depth_map_folders(tmp_path):
     assert not is_depth_map_folder(tmp_path)
     (tmp_path / "velodyne_raw").mkdir()
     with pytest.raises(InputError, match="velodyne_raw"):
@@ -42,26 +42,26 @@ def test_other_folders_are_none(tmp_path):
 
 
 @pytest.mark.parametrize("kind", NAMES)
-def test_a_missing_file_is_named(folder, kind):
+def test_a_missing_file_is_an_error(folder, kind):
     triple = depth_map_triples(folder)[0]
     (folder / kind / NAMES[kind]).unlink()
     with pytest.raises(InputError, match=NAMES[kind]):
         triple.read()
 
 
-def test_depth_of_eight_bits_is_refused(folder):
+def test_eight_bit_depth_is_an_error(folder):
     cv2.imwrite(str(folder / "velodyne_raw" / NAMES["velodyne_raw"]), np.zeros((2, 3), np.uint8))
     with pytest.raises(InputError, match="16 bits"):
         depth_map_triples(folder)[0].read()
 
 
-def test_sizes_that_differ_are_refused(folder):
+def test_different_sizes_are_an_error(folder):
     cv2.imwrite(str(folder / "image" / NAMES["image"]), np.zeros((5, 3, 3), np.uint8))
     with pytest.raises(InputError, match="image"):
         depth_map_triples(folder)[0].read()
 
 
-def test_figures_are_of_pixels_with_truth():
+def test_figures_cover_pixels_with_ground_truth():
     truth, dense = np.array([[2.0, 4.0, 0.0, 5.0]]), np.array([[2.5, 4.0, 9.0, 0.0]])
     figures = depth_map_figures(truth, dense)
     assert figures.coverage == pytest.approx(2 / 3)

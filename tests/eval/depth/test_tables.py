@@ -6,7 +6,7 @@ import numpy as np
 from eval.depth.maps import DepthMapFigures
 from eval.depth.metrics import PROTOCOL, range_figures
 from eval.depth.plot import plot_risk_coverage
-from eval.depth.report import AboutDepthMaps, AboutDrive, DepthReport, MethodReport
+from eval.depth.report import AboutDepthMaps, AboutSequence, DepthReport, MethodReport
 from eval.depth.tables import format_report
 
 TRUTH = np.linspace(2, 70, 200)
@@ -19,7 +19,7 @@ def report():
     unsure = range_figures(TRUTH, TRUTH + 0.5, np.full(200, np.inf), everywhere)
     return DepthReport(
         methods={"knows": MethodReport(12.34, sure, sure, 1000), "knows-not": MethodReport(5.0, unsure, unsure)},
-        about=AboutDrive("a drive", "KITTI raw 0005", (3, 4), (4,), "hdl64", 4, 0, 2000, PROTOCOL),
+        about=AboutSequence("a drive", "KITTI raw 0005", (3, 4), (4,), "hdl64", 4, 0, 2000, PROTOCOL),
     )
 
 
@@ -34,14 +34,14 @@ def test_every_method_has_a_row_in_each_table():
     assert "AUSE: " in text
 
 
-def test_columns_that_nobody_has_are_left_out():
+def test_empty_columns_are_left_out():
     figures = DepthMapFigures(images=3, coverage=1.0, mae_mm=300.0, rmse_mm=1200.0, imae=1.0, irmse=3.0)
     text = format_report(DepthReport({"method": MethodReport(1.0, figures)}, AboutDepthMaps("three", (), {})))
     assert "AUSE" not in text
     assert "1200" in text
 
 
-def test_the_picture_is_whole(tmp_path):
+def test_the_risk_coverage_plot_is_written(tmp_path):
     plot_risk_coverage(report(), tmp_path / "risk.png")
     assert cv2.imread(str(tmp_path / "risk.png")).shape[1] > 1000
     assert [path.name for path in tmp_path.iterdir()] == ["risk.png"]

@@ -35,7 +35,7 @@ def test_help_has_an_example(lidarlift: Command, command: str) -> None:
     assert "Example" in result.out
 
 
-def test_help_does_not_wait_for_what_computes() -> None:
+def test_help_imports_no_computing_modules() -> None:
     """numpy alone takes as long to import as the whole command line."""
     program = (
         "import sys, lidarlift.cli; print(*{'numpy', 'scipy', 'numba', 'cv2', 'open3d', 'evo'} & set(sys.modules))"
@@ -43,7 +43,7 @@ def test_help_does_not_wait_for_what_computes() -> None:
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout == b"\n"
 
 
-def test_the_installed_command(street_drive: Drive, tmp_path: Path) -> None:
+def test_the_installed_command_runs(street_drive: Drive, tmp_path: Path) -> None:
     """In a process of its own: no traceback and no warnings on stderr, colours and bars only on terminals."""
     command = [sys.executable, "-m", "lidarlift", "run", str(street_drive({3: b""})), "--out", str(tmp_path / "r")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)

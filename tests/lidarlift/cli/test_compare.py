@@ -20,7 +20,7 @@ Command = Callable[..., Any]
 QUICK = ("--enricher", "ray-segment")
 
 
-def test_three_inputs_of_one_drive(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+def test_three_inputs_are_compared(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     result = lidarlift("compare", street_drive(), "--out", "c", "--frames", "0:5", *QUICK)
     assert result.code == 0, result.err
     assert sorted(path.name for path in Path("c").iterdir()) == ["16", "64", "compare.json", "compare.md", "enriched"]
@@ -34,7 +34,7 @@ def test_three_inputs_of_one_drive(lidarlift: Command, street_drive: Callable[..
     assert "5 frames, enriched by ray-segment" in result.out
 
 
-def test_another_enricher_stands_beside_ray_segment(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+def test_ray_segment_gets_a_row_next_to_another_enricher(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     result = lidarlift("compare", street_drive(), "--out", "c", "--frames", "0:3", "--enricher", "joint")
     assert result.code == 0, result.err
     assert list(json.loads(Path("c/compare.json").read_text())["inputs"]) == ["16", "ray-segment", "enriched", "64"]
@@ -43,20 +43,18 @@ def test_another_enricher_stands_beside_ray_segment(lidarlift: Command, street_d
     assert "3 frames, enriched by joint" in result.out
 
 
-def test_lift_enriches_by_default(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+def test_lift_is_the_default_enricher(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     assert lidarlift("run", street_drive(), "--input", "enriched", "--out", "r", "--frames", "0:2").code == 0
     assert enricher_of(Path("r")) == "lift"
 
 
 @pytest.mark.parametrize("there", [True, False])
-def test_a_network_without_weights_is_ray_segment_and_has_no_row_beside_it(
-    there: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_network_without_weights_is_replaced_by_ray_segment(there: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("enrichment.methods.onnx_network.has_weights", lambda _: there)
     assert list(rows_for(INPUTS)) == ["16", *(["ray-segment"] if there else []), "enriched", "64"]
 
 
-def test_a_run_names_the_method_that_fills_in(
+def test_run_json_names_the_enricher_that_was_used(
     lidarlift: Command,
     street_drive: Callable[..., Path],
     monkeypatch: pytest.MonkeyPatch,
@@ -67,11 +65,11 @@ def test_a_run_names_the_method_that_fills_in(
     assert lidarlift("run", street_drive(), "--input", "enriched", "--out", "r", "--frames", "0:2").code == 0
     assert enricher_of(Path("r")) == "ray-segment"
     assert [record.getMessage() for record in caplog.records] == [
-        "lift: its weights are not installed; ray-segment takes its place"
+        "lift: the weights are not installed; ray-segment is used instead"
     ]
 
 
-def test_a_sensor_of_sixteen_rings_has_no_64(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+def test_a_16_ring_sensor_has_no_row_64(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     folder = own_folder(street_drive())
     result = lidarlift("compare", folder, "--out", "c", "--frames", "0:3", *QUICK)
     assert result.code == 0, result.err
@@ -80,13 +78,13 @@ def test_a_sensor_of_sixteen_rings_has_no_64(lidarlift: Command, street_drive: C
     assert len(points["enriched"]) > 1.5 * len(points["16"])
 
 
-def test_no_enrichment_without_laser_lines(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+def test_enrichment_without_laser_lines_is_an_error(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     folder = own_folder(street_drive())
     (folder / "sensor.yaml").unlink()
     lidarlift("run", folder, "--input", "enriched").refused("laser lines", "--sensor")
 
 
-def test_a_folder_that_cannot_be_written(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+def test_an_unwritable_folder_is_an_error(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     Path("file").write_text("")
     lidarlift("compare", street_drive(), "--out", "file").refused("file")
 

@@ -23,7 +23,7 @@ def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return tmp_path / "cache" / "lidarlift" / "demo"
 
 
-def test_the_whole_demo(lidarlift: Command, simulated: list[SimulationConfig]) -> None:
+def test_the_demo_compares_all_inputs(lidarlift: Command, simulated: list[SimulationConfig]) -> None:
     result = lidarlift("demo", "--out", "d")
     assert result.code == 0, result.err
     assert simulated == [SimulationConfig(drive="loop", every=2)]
@@ -50,13 +50,13 @@ def test_the_whole_demo(lidarlift: Command, simulated: list[SimulationConfig]) -
 
 
 def assert_time_and_rows_are_told(err: str) -> None:
-    """How long it takes at the start, and each row when it is ready."""
-    lines = [line for line in err.splitlines() if any(word in line for word in ("All in all", " to go", "ATE"))]
+    """Check the forecast at the start, and the line of each finished row."""
+    lines = [line for line in err.splitlines() if any(word in line for word in ("The demo takes", " left", "ATE"))]
     told = r"about [\d.]+ (seconds|minutes)"
-    assert re.fullmatch(rf"All in all this takes {told} here\.", lines[0])
-    assert re.search(rf"; {told} to go$", lines[1])
+    assert re.fullmatch(rf"The demo takes {told} on this machine\.", lines[0])
+    assert re.search(rf"; {told} left$", lines[1])
     for row, line in zip(("16", "ray-segment", "enriched"), lines[2:5], strict=True):
-        assert re.fullmatch(rf"{row}: ATE 0\.0\d\d m, 0 loops; {told} to go", line)
+        assert re.fullmatch(rf"{row}: ATE 0\.0\d\d m, 0 loops; {told} left", line)
     assert re.fullmatch(r"64: ATE 0\.0\d\d m, 0 loops", lines[5])
 
 
@@ -68,7 +68,7 @@ def two_rows(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("two_rows")
-def test_full_is_another_drive(lidarlift: Command, simulated: list[SimulationConfig], cache: Path) -> None:
+def test_full_uses_another_simulation(lidarlift: Command, simulated: list[SimulationConfig], cache: Path) -> None:
     assert lidarlift("demo", "--full").code == 0
     assert simulated == [SimulationConfig(drive="loop")]
     assert not cache.exists()
@@ -83,7 +83,7 @@ def test_quick_and_full_exclude_each_other(lidarlift: Command, simulated: list[S
 
 
 @pytest.mark.usefixtures("simulated", "two_rows")
-def test_quick_is_the_beginning_of_the_same_drive(
+def test_quick_uses_the_start_of_the_same_simulation(
     lidarlift: Command, monkeypatch: pytest.MonkeyPatch, cache: Path
 ) -> None:
     monkeypatch.setattr("lidarlift.cli.demo.QUICK", 5)
@@ -105,7 +105,7 @@ def test_an_outdated_simulation_is_replaced(lidarlift: Command, cache: Path) -> 
 
 
 @pytest.mark.usefixtures("simulated")
-def test_a_cache_that_cannot_be_replaced(lidarlift: Command, cache: Path) -> None:
+def test_a_cache_that_cannot_be_replaced_is_an_error(lidarlift: Command, cache: Path) -> None:
     cache.parent.mkdir(parents=True)
     cache.write_text("no folder")
     result = lidarlift("demo")
@@ -113,7 +113,7 @@ def test_a_cache_that_cannot_be_replaced(lidarlift: Command, cache: Path) -> Non
     assert f"Error: {cache}: " in result.err
 
 
-def test_no_simulation_for_a_folder_that_cannot_be_written(
+def test_an_unwritable_folder_is_an_error_before_the_simulation(
     lidarlift: Command, simulated: list[SimulationConfig]
 ) -> None:
     Path("d").write_text("mine")

@@ -31,7 +31,7 @@ def test_camera_poses_evaluate_to_the_same_ate(lidarlift: Command, finished: Pat
     assert result.ate == pytest.approx(expected, abs=5.1e-4)
 
 
-def test_lidar_against_camera_is_refused(lidarlift: Command, finished: Path) -> None:
+def test_lidar_poses_against_camera_poses_are_an_error(lidarlift: Command, finished: Path) -> None:
     truth = finished.parent.parent / "poses" / "77.txt"
     lidarlift("evaluate", "r/trajectory_kitti.txt", truth).refused("--calib")
     lidarlift("evaluate", "r/trajectory_kitti.txt", truth, "--calib", "nowhere.txt").refused("nowhere.txt")

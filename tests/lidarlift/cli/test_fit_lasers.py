@@ -23,7 +23,7 @@ def raw(street_drive: Drive) -> Path:
     return folder
 
 
-def test_the_lines_come_as_table_and_file(lidarlift: Command, raw: Path) -> None:
+def test_laser_lines_are_printed_and_written(lidarlift: Command, raw: Path) -> None:
     result = lidarlift("fit-lasers", raw, "--frames", "0:4", "--out", "new/sensor.yaml")
     assert result.code == 0, result.err
     sensor, true = load_sensor("new/sensor.yaml"), load_sensor("hdl64")
@@ -43,24 +43,24 @@ def test_the_lines_come_as_table_and_file(lidarlift: Command, raw: Path) -> None
     assert "off their lines" not in result.err
 
 
-def test_noisy_points_are_told(lidarlift: Command, tmp_path: Path, street_scans: list[np.ndarray]) -> None:
+def test_large_residuals_are_noted(lidarlift: Command, tmp_path: Path, street_scans: list[np.ndarray]) -> None:
     scan = street_scans[0].copy()
     scan[:, 2] += np.random.default_rng(1234).normal(0, 0.01, len(scan))
     (tmp_path / "scans").mkdir()
     scan.tofile(tmp_path / "scans" / "0.bin")
     result = lidarlift("fit-lasers", "scans")
     assert result.code == 0, result.err
-    assert "deg off their lines; raw scans are expected" in result.err
+    assert "deg; expected are raw scans" in result.err
     assert load_sensor("sensor.yaml").ring_count == 64
 
 
-def test_an_existing_file_stays(lidarlift: Command, raw: Path) -> None:
+def test_an_existing_file_is_not_overwritten(lidarlift: Command, raw: Path) -> None:
     before = (raw / "sensor.yaml").read_text()
-    lidarlift("fit-lasers", raw, "--out", raw / "sensor.yaml").refused("sensor.yaml: exists already", "--out")
+    lidarlift("fit-lasers", raw, "--out", raw / "sensor.yaml").refused("sensor.yaml: already exists", "--out")
     assert (raw / "sensor.yaml").read_text() == before
 
 
-def test_compensated_scans_are_refused(lidarlift: Command, street_drive: Drive) -> None:
+def test_motion_compensated_scans_are_an_error(lidarlift: Command, street_drive: Drive) -> None:
     result = lidarlift("fit-lasers", street_drive())
     assert result.code == 1
     assert "Error: " in result.err
@@ -68,7 +68,7 @@ def test_compensated_scans_are_refused(lidarlift: Command, street_drive: Drive) 
     assert not Path("sensor.yaml").exists()
 
 
-def test_no_frames_are_refused(lidarlift: Command, raw: Path) -> None:
+def test_an_empty_frame_range_is_an_error(lidarlift: Command, raw: Path) -> None:
     lidarlift("fit-lasers", raw, "--frames", "20:").refused("no frames in that range", "the drive has 8")
 
 

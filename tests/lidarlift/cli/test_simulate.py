@@ -17,7 +17,7 @@ from slam.simulation.simulation import SimulationConfig
 Command = Callable[..., Any]
 
 
-def test_a_drive_that_the_next_command_takes(lidarlift: Command, simulated: list[SimulationConfig]) -> None:
+def test_the_output_can_be_run(lidarlift: Command, simulated: list[SimulationConfig]) -> None:
     result = lidarlift("simulate", "my town", "--frames", "3")
     assert result.code == 0, result.err
     assert simulated == [SimulationConfig()]
@@ -46,7 +46,7 @@ def test_every_option_reaches_the_simulation(lidarlift: Command, simulated: list
 
 
 @pytest.mark.usefixtures("simulated")
-def test_no_more_frames_than_the_drive_has(lidarlift: Command) -> None:
+def test_frames_are_limited_by_the_length_of_the_sequence(lidarlift: Command) -> None:
     assert "8 frames" in lidarlift("simulate", "town", "--frames", "100").out
 
 
@@ -61,7 +61,7 @@ def test_no_more_frames_than_the_drive_has(lidarlift: Command) -> None:
         ("--frames", "0"),
     ],
 )
-def test_options_that_make_no_sense(
+def test_invalid_options_are_usage_errors(
     lidarlift: Command, simulated: list[SimulationConfig], options: tuple[str, ...]
 ) -> None:
     result = lidarlift("simulate", "town", *options)
@@ -71,23 +71,23 @@ def test_options_that_make_no_sense(
     assert not simulated
 
 
-def test_what_does_not_go_together_is_one_line(lidarlift: Command) -> None:
+def test_conflicting_options_are_an_error_in_one_line(lidarlift: Command) -> None:
     lidarlift("simulate", "town", "--stamp", "end").refused("--stamp end", "add --format folder")
     assert not Path("town").exists()
 
 
-def test_help_lists_drives_and_lidars(lidarlift: Command) -> None:
+def test_help_lists_scenes_and_lidars(lidarlift: Command) -> None:
     words = " ".join(lidarlift("simulate", "--help").out.replace("│", " ").split())
     for name in (*DRIVES.names(), *SENSORS.names()):
         assert name in words
 
 
-def test_a_trajectory_that_is_not_there(lidarlift: Command) -> None:
+def test_a_missing_trajectory_is_an_error(lidarlift: Command) -> None:
     lidarlift("simulate", "town", "--trajectory", "nowhere.txt").refused("nowhere.txt")
     assert not Path("town").exists()
 
 
-def test_a_file_in_the_folders_place(lidarlift: Command) -> None:
+def test_a_file_in_place_of_the_folder_is_an_error(lidarlift: Command) -> None:
     Path("town").write_text("mine")
     lidarlift("simulate", "town").refused("town")
     assert Path("town").read_text() == "mine"

@@ -30,7 +30,7 @@ def filmed(street_drive: Drive) -> Path:
 
 
 @pytest.mark.parametrize("study", ["sparsity", "edges"])
-def test_some_frames_give_table_figures_and_picture(
+def test_a_study_writes_table_figures_and_plot(
     lidarlift: Command, filmed: Path, study: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Frames 0, 3 and 6 of 8 where no more than three are wanted."""
@@ -40,16 +40,16 @@ def test_some_frames_give_table_figures_and_picture(
     assert "Note: left out: scan 3: no image" in result.err
     found = json.loads(Path("s/study.json").read_text())
     assert found["about"]["frames"] == [0, 6]
-    assert list(found) == ["about", "returns, filled in", "exact depth"]
+    assert list(found) == ["about", "returns, interpolated", "exact depth"]
     assert Path("s/study.png").read_bytes().startswith(b"\x89PNG")
     rows = [line.split() for line in result.out.splitlines()]
     if study == "sparsity":
         assert found["exact depth"]["largest"]["0.015625"]["rmse_m"] == pytest.approx(0, abs=1e-9)
-        errors = [figures["rmse_m"] for figures in found["returns, filled in"]["lowest"].values()]
+        errors = [figures["rmse_m"] for figures in found["returns, interpolated"]["lowest"].values()]
         assert errors == sorted(errors)
         assert ["largest", "1/64"] in [row[:2] for row in rows]
     else:
-        assert 0 < found["returns, filled in"]["canny"]["90"]["edges"] < 0.02
+        assert 0 < found["returns, interpolated"]["canny"]["90"]["edges"] < 0.02
         assert found["exact depth"]["canny"]["90"]["precision"] == 0
         assert found["exact depth"]["canny"]["90"]["recall"] is None
         assert ["canny", "90"] in [row[:2] for row in rows]
@@ -60,7 +60,7 @@ def test_help_has_examples(lidarlift: Command) -> None:
         assert "Example" in lidarlift("study", *arguments, "--help").out
 
 
-def test_what_is_wrong_is_said_in_one_line(lidarlift: Command, filmed: Path) -> None:
+def test_errors_are_one_line(lidarlift: Command, filmed: Path) -> None:
     lidarlift("study", "edges", "nowhere").refused("nowhere")
     lidarlift("study", "edges", filmed, "--frames", "9:").refused("the drive has 8")
     result = lidarlift("study", "edges", filmed, "--frames", "3:4")

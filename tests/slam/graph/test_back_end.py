@@ -12,8 +12,8 @@ from slam.data import se3
 from slam.data.cloud import Array
 from slam.graph.back_end import BackEnd
 from slam.graph.clusters import QUANTILES
-from slam.graph.judge import judge
 from slam.graph.ledger import LoopCandidate, csv_text
+from slam.graph.loop_selection import select_loops
 from slam.graph.pose_graph import Edge, adjoint, chained, disagreement, odometry_poses, reduced, reversed_edge
 from slam.graph.solver import optimised, relative_covariances, squared_distances
 
@@ -60,7 +60,7 @@ def _fates(back_end: BackEnd) -> dict[tuple[int, int], tuple[str, float]]:
     return {(r.candidate.i, r.candidate.j): (r.status, r.weight) for r in back_end.ledger()}
 
 
-def test_false_loops_get_weight_zero_and_do_no_harm() -> None:
+def test_false_loops_get_weight_zero_and_do_not_change_the_poses() -> None:
     truth, odometry = _circle()
     loops = _loops(truth)
     back_end = _fed(odometry, loops)
@@ -73,7 +73,7 @@ def test_false_loops_get_weight_zero_and_do_no_harm() -> None:
     assert _rms(alone, truth) < 0.7 * _rms(odometry_poses(odometry, np.eye(4)), truth)
 
 
-def test_the_kernel_holds_false_loops_back_before_any_batch_solution() -> None:
+def test_the_kernel_downweights_false_loops_online() -> None:
     truth, odometry = _circle()
     back_end = _fed(odometry, _loops(truth))
     weights = {pair: weight for pair, (_, weight) in _fates(back_end).items()}
@@ -82,16 +82,16 @@ def test_the_kernel_holds_false_loops_back_before_any_batch_solution() -> None:
     assert _rms(back_end.poses(), truth) < 0.7 * _rms(odometry_poses(odometry, np.eye(4)), truth)
 
 
-def test_false_loops_that_agree_with_each_other_are_found_out() -> None:
+def test_consistent_false_loops_are_rejected() -> None:
     truth, odometry = _circle()
     poses = odometry_poses(odometry, np.eye(4))
     together = [Edge(k, k + 120, se3.inverse(poses[k]) @ poses[20] @ se3.inverse(poses[140]) @ poses[k + 120], LOOP)
                 for k in range(20, 25)]  # fmt: skip
-    verdict = judge(odometry, [*_loops(truth), *together], poses)
-    assert verdict.accepted.tolist() == [True] * len(TRUE) + [False] * (len(FALSE) + len(together))
+    selection = select_loops(odometry, [*_loops(truth), *together], poses)
+    assert selection.accepted.tolist() == [True] * len(TRUE) + [False] * (len(FALSE) + len(together))
 
 
-def test_a_false_loop_that_bends_the_graph_until_it_fits_is_found_out() -> None:
+def test_a_false_loop_that_bends_the_graph_is_rejected() -> None:
     """One metre off, near two true loops: with it among them, all are within the limit."""
     truth, odometry = _circle()
     true = _loops(truth)[: len(TRUE)]
@@ -100,17 +100,17 @@ def test_a_false_loop_that_bends_the_graph_until_it_fits_is_found_out() -> None:
     start = odometry_poses(odometry, np.eye(4))
     together = optimised(odometry, [*true, false], start)
     assert max(disagreement(loop, together) for loop in (*true, false)) < QUANTILES[0.9999]
-    assert judge(odometry, [*true, false], start).accepted.tolist() == [True] * len(true) + [False]
+    assert select_loops(odometry, [*true, false], start).accepted.tolist() == [True] * len(true) + [False]
 
 
-def test_squared_distances_are_the_same_by_the_solver() -> None:
+def test_disagreement_equals_the_distance_of_the_solver() -> None:
     truth, odometry = _circle()
     edges = [*odometry, *_loops(truth)]
     expected = [disagreement(edge, truth) for edge in edges]
     np.testing.assert_allclose(squared_distances(edges, truth), expected, rtol=1e-6, atol=1e-6)
 
 
-def test_loops_that_come_later_are_judged_with_those_before() -> None:
+def test_later_loops_are_selected_jointly_with_earlier_ones() -> None:
     truth, odometry = _circle()
     loops = _loops(truth)
     back_end = _fed(odometry[:150], [loop for loop in loops if loop.j <= 150])
@@ -125,7 +125,7 @@ def test_loops_that_come_later_are_judged_with_those_before() -> None:
     assert len(back_end.graph().edges) == len(odometry) + len(TRUE)
 
 
-def test_without_loops_the_odometry_stays_as_it_is() -> None:
+def test_without_loops_the_poses_are_the_odometry() -> None:
     _, odometry = _circle()
     back_end = _fed(odometry, [])
     chain = odometry_poses(odometry, np.eye(4))
@@ -135,13 +135,13 @@ def test_without_loops_the_odometry_stays_as_it_is() -> None:
     assert back_end.ledger() == []
 
 
-def test_a_drive_that_has_not_begun_can_be_settled() -> None:
+def test_an_empty_graph_can_be_settled() -> None:
     back_end = BackEnd()
     back_end.settle()
     np.testing.assert_allclose(back_end.poses(), np.eye(4)[None], atol=1e-12)
 
 
-def test_results_repeat_bit_for_bit() -> None:
+def test_results_are_deterministic() -> None:
     truth, odometry = _circle()
     results = []
     for _ in range(2):
@@ -154,7 +154,7 @@ def test_results_repeat_bit_for_bit() -> None:
     assert results[0][2] == results[1][2]
 
 
-def test_a_loop_of_half_a_turn_is_closed() -> None:
+def test_a_loop_with_half_a_turn_is_closed() -> None:
     """There and back again: the places are seen in the opposite direction."""
     turn = se3.exp(np.array([0, 0, np.pi / 4, 0.5, 0, 0]))
     ahead = se3.exp(np.array([0, 0, 0, 2.0, 0, 0]))
@@ -169,7 +169,7 @@ def test_a_loop_of_half_a_turn_is_closed() -> None:
     assert _rms(back_end.poses(), truth) < 0.3 * _rms(odometry_poses(odometry, np.eye(4)), truth)
 
 
-def test_the_covariance_grows_along_the_way_and_a_loop_shrinks_it() -> None:
+def test_the_covariance_grows_with_distance_and_a_loop_reduces_it() -> None:
     truth, odometry = _circle(LAP + 1)
     chain = odometry_poses(odometry, np.eye(4))
     grown = relative_covariances(odometry, chain, [(0, i) for i in (1, 20, 50, LAP)])
@@ -217,7 +217,7 @@ def test_a_reversed_edge_is_the_same_measurement() -> None:
         (np.eye(6) + np.eye(6, k=1), "symmetric"),
     ],
 )
-def test_a_covariance_that_is_none_is_refused(covariance: Array, message: str) -> None:
+def test_an_invalid_covariance_is_an_error(covariance: Array, message: str) -> None:
     back_end = BackEnd()
     with pytest.raises(ValueError, match=f"edge 0 -> 1.*{message}"):
         back_end.add_odometry(STEP, covariance)
@@ -229,17 +229,17 @@ def test_a_covariance_that_is_none_is_refused(covariance: Array, message: str) -
 
 
 @pytest.mark.parametrize("pose", [np.full((4, 4), np.nan), 2 * np.eye(4), np.diag([1.0, 1, -1, 1])])
-def test_a_pose_that_is_none_is_refused(pose: Array) -> None:
+def test_an_invalid_pose_is_an_error(pose: Array) -> None:
     with pytest.raises(ValueError, match="edge 0 -> 1: the pose"):
         BackEnd().add_odometry(pose, ODOMETRY)
 
 
-def test_a_loop_to_a_pose_that_is_not_there_is_refused() -> None:
-    with pytest.raises(ValueError, match="only poses 0 to 0"):
+def test_a_loop_to_a_missing_pose_is_an_error() -> None:
+    with pytest.raises(ValueError, match="poses 0 to 0 exist"):
         BackEnd().add_loop(LoopCandidate(0, 5, STEP), LOOP)
 
 
-def test_the_ledger_tells_the_fate_of_every_candidate() -> None:
+def test_the_ledger_records_every_candidate() -> None:
     truth, odometry = _circle()
     back_end = _fed(odometry, _loops(truth))
     back_end.reject(LoopCandidate(2, 90, np.eye(4), distance=0.4, inlier_ratio=0.31), "inlier ratio 0.31, below 0.6")

@@ -30,7 +30,7 @@ def _graph(seed: int) -> PoseGraph:
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_a_graph_survives_the_round_trip(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:
+def test_a_graph_is_written_and_read_back(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:
     graph, path = _graph(seed), tmp_path_factory.mktemp("g2o") / "graph.g2o"
     write_g2o(path, graph)
     read = read_g2o(path)
@@ -70,7 +70,7 @@ def test_ids_need_not_be_consecutive(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1 1 0 0", "12 values, it takes 30"),
+        ("EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1 1 0 0", "12 values, expected 30"),
         (f"EDGE_SE3:QUAT 0 1 x 0 0 0 0 0 1 {UNIT}", "not a number"),
         (f"EDGE_SE3:QUAT 0 1 nan 0 0 0 0 0 1 {UNIT}", "not finite"),
         (f"EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 0 {UNIT}", "quaternion"),
@@ -79,10 +79,10 @@ def test_ids_need_not_be_consecutive(tmp_path: Path) -> None:
         (f"EDGE_SE3:QUAT 1 1 {IDENTITY} {UNIT}", "to itself"),
         (f"EDGE_SE3:QUAT 0 1 {IDENTITY} -{UNIT}", "positive definite"),
         (f"VERTEX_SE3:QUAT 1 {IDENTITY}", "twice"),
-        ("VERTEX_SE2 2 0 0 0", "VERTEX_SE2 is not known"),
+        ("VERTEX_SE2 2 0 0 0", "VERTEX_SE2 is unknown"),
     ],
 )
-def test_a_damaged_line_is_named(tmp_path: Path, line: str, message: str) -> None:
+def test_a_damaged_line_is_an_error_with_its_number(tmp_path: Path, line: str, message: str) -> None:
     path = tmp_path / "graph.g2o"
     path.write_text(TWO + line + "\n")
     with pytest.raises(InputError, match="line 3") as caught:
@@ -92,7 +92,7 @@ def test_a_damaged_line_is_named(tmp_path: Path, line: str, message: str) -> Non
 
 
 @pytest.mark.parametrize(("content", "message"), [(b"", "no VERTEX"), (b"\xff\xfe\x00", "not a text file")])
-def test_a_file_that_holds_no_graph_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
+def test_a_file_without_a_graph_is_an_error(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "graph.g2o"
     path.write_bytes(content)
     with pytest.raises(InputError, match=message):

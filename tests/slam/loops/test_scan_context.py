@@ -97,7 +97,7 @@ def test_descriptor_does_not_depend_on_the_order_of_points(seed: int) -> None:
 
 @settings(max_examples=50, deadline=None)  # the first example may compile
 @given(seed=st.integers(0, 1000), sectors=st.integers(0, 59))
-def test_a_turn_by_whole_sectors_shifts_the_columns_and_is_found(seed: int, sectors: int) -> None:
+def test_a_yaw_rotation_shifts_the_columns_and_is_recovered(seed: int, sectors: int) -> None:
     sector = 2 * np.pi / 60
     # in the middle of their cells: rounding must not carry a point into the next
     angle = (np.random.default_rng(seed).integers(0, 60, 40) + 0.5) * sector
@@ -126,7 +126,7 @@ def naive_distance(a: Array, b: Array) -> float:
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10_000), filled=st.floats(0, 1))
-def test_distance_is_that_of_the_paper(seed: int, filled: float) -> None:
+def test_distance_agrees_with_the_paper(seed: int, filled: float) -> None:
     rng = np.random.default_rng(seed)
     a, b = (rng.uniform(0, 5, (2, 6, 12)) * (rng.random((2, 6, 12)) < filled)).astype(np.float32)
     assert distance(a, b)[0] == pytest.approx(naive_distance(a, b), abs=1e-5)
@@ -135,7 +135,7 @@ def test_distance_is_that_of_the_paper(seed: int, filled: float) -> None:
 # ---- finding places again
 
 
-def test_the_way_back_is_found_on_the_other_lane() -> None:
+def test_a_return_on_the_other_lane_is_recognised() -> None:
     world = street(1)
     found = driven(world).query(seen(world, 101.0, 3.5, np.pi), 1000.0)[0]
     assert abs(found.index * 2.0 - 101.0) <= 2
@@ -143,7 +143,7 @@ def test_the_way_back_is_found_on_the_other_lane() -> None:
     assert found.lateral_shift in (2.0, 4.0)  # on the way back, the lane of the way out is to the left
 
 
-def test_virtual_sensors_bring_a_lane_shift_nearer() -> None:
+def test_virtual_sensors_reduce_the_distance_of_a_lane_shift() -> None:
     world = street(2)
     query = seen(world, 200.0, 4.0)
     best, plain = (driven(world, s).query(query, 1000.0)[0] for s in (DEFAULT, STRAIGHT_ON))
@@ -167,7 +167,7 @@ def test_relative_pose_turns_about_the_virtual_sensor() -> None:
     np.testing.assert_allclose(T @ [5, 2, 1, 1], [0, 5, 1, 1], atol=1e-12)
 
 
-def test_candidates_come_most_alike_first_and_each_place_once() -> None:
+def test_candidates_are_sorted_and_unique() -> None:
     world = street(4)
     found = driven(world).query(seen(world, 300.0, 1.0), 1000.0)
     distances = [candidate.distance for candidate in found]
@@ -175,7 +175,7 @@ def test_candidates_come_most_alike_first_and_each_place_once() -> None:
     assert len({candidate.index for candidate in found}) == len(found) == 50
 
 
-def test_equal_places_come_in_the_order_in_which_they_were_added() -> None:
+def test_equal_places_keep_the_order_of_insertion() -> None:
     places = ScanContext()
     for i in range(130):  # standing still: the tree is built anew in between
         places.add(random_cloud(5), float(i))
@@ -188,7 +188,7 @@ def test_equal_places_come_in_the_order_in_which_they_were_added() -> None:
 
 @pytest.mark.parametrize("count", [1, 30, 150, 230])
 def test_preselection_of_all_equals_the_exhaustive_search(count: int) -> None:
-    places = random_places(count, ScanContextSettings(preselected=230))
+    places = random_places(count, ScanContextSettings(max_preselected=230))
     for seed in (0, count // 2, 999):
         query = random_cloud(seed)
         found, all_of_them = (
@@ -199,7 +199,7 @@ def test_preselection_of_all_equals_the_exhaustive_search(count: int) -> None:
 
 
 def test_preselection_takes_the_nearest_ring_keys_wherever_the_tree_ends() -> None:
-    places = random_places(180, ScanContextSettings(lateral_shifts=(0.0,), preselected=20))
+    places = random_places(180, ScanContextSettings(lateral_shifts=(0.0,), max_preselected=20))
     query = random_cloud(777)
     keys = np.array([ring_key(descriptor(random_cloud(i))) for i in range(180)])
     for end in (20, 90, 130, 180):  # the tree is built anew on the way
@@ -212,8 +212,8 @@ def test_preselection_takes_the_nearest_ring_keys_wherever_the_tree_ends() -> No
 # ---- what is not offered
 
 
-def test_recent_places_are_excluded_by_the_way_travelled() -> None:
-    places, cloud = ScanContext(ScanContextSettings(min_travelled=50.0)), random_cloud(1)
+def test_recent_places_are_excluded_by_travelled_distance() -> None:
+    places, cloud = ScanContext(ScanContextSettings(min_travelled_distance=50.0)), random_cloud(1)
     for travelled in (0.0, 0.5, 1.0, 40.0, 90.0):
         places.add(cloud, travelled)
     assert [candidate.index for candidate in places.query(cloud, 49.9)] == []
@@ -221,14 +221,14 @@ def test_recent_places_are_excluded_by_the_way_travelled() -> None:
     assert [candidate.index for candidate in places.query(cloud, 139.0)] == [0, 1, 2, 3]
 
 
-def test_the_way_travelled_never_falls() -> None:
+def test_decreasing_travelled_distance_is_an_error() -> None:
     places = ScanContext()
     places.add(random_cloud(0), 10.0)
     with pytest.raises(ValueError, match=r"travelled: 9\.0 m after 10\.0 m"):
         places.add(random_cloud(1), 9.0)
 
 
-def test_an_empty_cloud_is_like_nothing() -> None:
+def test_an_empty_cloud_has_no_candidates() -> None:
     empty = np.zeros((0, 3), np.float32)
     places = ScanContext()
     assert places.query(random_cloud(0), 1000.0) == []
@@ -242,7 +242,7 @@ def test_an_empty_cloud_is_like_nothing() -> None:
 # ---- clouds of several keyframes
 
 
-def test_submap_joins_what_lies_within_its_length() -> None:
+def test_the_submap_joins_keyframes_within_its_length() -> None:
     poses = np.tile(np.eye(4), (4, 1, 1))
     poses[:, 0, 3] = travelled = np.array([0.0, 4.0, 8.0, 10.0])
     clouds = [np.array([[0.0, 1.0, float(k)]], np.float32) for k in range(4)]
@@ -251,7 +251,7 @@ def test_submap_joins_what_lies_within_its_length() -> None:
     )
 
 
-def test_submap_is_level_and_looks_ahead() -> None:
+def test_the_submap_is_levelled_with_the_heading_ahead() -> None:
     tilted = se3.exp(np.array([0.0, 0.0, 1.0, 3.0, 2.0, 1.0])) @ se3.exp(np.array([0.1, -0.2, 0.0, 0.0, 0.0, 0.0]))
     world = np.random.default_rng(0).normal(0, 10, (20, 3))
     lidar = ((world - tilted[:3, 3]) @ tilted[:3, :3]).astype(np.float32)
@@ -264,7 +264,7 @@ def test_submap_is_level_and_looks_ahead() -> None:
 # ---- a real loop
 
 
-def test_a_street_of_kitti_00_driven_again_is_found(real_data: Callable[[str], Path]) -> None:
+def test_a_revisited_street_of_kitti_00_is_recognised(real_data: Callable[[str], Path]) -> None:
     folder = real_data("kitti_00_keyframes")
     poses = read_poses(folder / "reference_tum.txt")[1]
     files = sorted((folder / "keyframes").iterdir())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from slam.mapping.visibility import RangeImage
 from slam.settings import VerificationSettings
 
 Face = tuple[Array, Array, Array]  # corner and two edges
-SHORT = VerificationSettings(match_reach=4.0, query_reach=2.0)
+SHORT = VerificationSettings(match_submap_radius=4.0, query_submap_radius=2.0)
 DRIFT = se3.exp(np.array([0.02, -0.01, 0.3, 15.0, -8.0, 1.0]))  # of the odometry between the two passes
 
 
@@ -116,13 +117,13 @@ def test_a_true_loop_is_accepted_from_a_poor_guess(heading: float, turn: float, 
 
 
 @pytest.mark.parametrize("seed", range(1, 6))
-def test_a_similar_street_is_refused(seed: int) -> None:
+def test_a_similar_street_is_rejected(seed: int) -> None:
     found = Verifier(SHORT).verify(passes(street(0), street(seed), at(0)), 6, 2, at(0))
     assert not found.accepted
     assert found.reason in ("few inliers", "low overlap", "ambiguous", "degenerate")
 
 
-def test_a_tunnel_is_refused() -> None:
+def test_a_tunnel_is_rejected() -> None:
     """It fits well in both directions, and as well at any other place along it."""
     found = Verifier(SHORT).verify(passes(tunnel(), tunnel(), at(0)), 6, 2, at(1.5))
     assert found.inlier_ratio > 0.7
@@ -131,19 +132,19 @@ def test_a_tunnel_is_refused() -> None:
     assert found.reason == "ambiguous"
 
 
-def test_a_place_further_along_the_street_is_refused_or_told_as_such() -> None:
+def test_a_place_farther_along_the_street_is_rejected_or_located() -> None:
     query = at(14.0)
     found = Verifier(SHORT).verify(passes(street(0), street(0), query), 6, 2, at(1.0))
     assert not found.accepted
 
 
-def test_a_pose_far_from_the_guess_is_refused() -> None:
+def test_a_pose_far_from_the_guess_is_rejected() -> None:
     narrow = SHORT.model_copy(update={"max_correction": 1.0})
     found = Verifier(narrow).verify(passes(street(0), street(0), at(0)), 6, 2, at(3.0))
     assert found.reason == "far from guess"
 
 
-def test_covariance_tells_the_spread() -> None:
+def test_the_covariance_agrees_with_the_spread() -> None:
     """Each of 50 repetitions with points, noise and bent submaps of its own; per degree of freedom."""
     squared = []
     for seed in range(50):
@@ -156,18 +157,18 @@ def test_covariance_tells_the_spread() -> None:
 
 
 @pytest.mark.parametrize("empty", [2, 6])
-def test_empty_clouds_are_refused(empty: int) -> None:
+def test_empty_clouds_are_rejected(empty: int) -> None:
     keyframes = passes(street(0), street(0), at(0))
     nothing = PointCloud(np.zeros((0, 3)), np.zeros(0))
     keyframes = [
-        Keyframe(k.index, k.pose, k.way, nothing if abs(k.index - empty) < 3 else k.cloud, k.view) for k in keyframes
+        replace(keyframe, cloud=nothing) if abs(keyframe.index - empty) < 3 else keyframe for keyframe in keyframes
     ]
     found = Verifier(SHORT).verify(keyframes, 6, 2, at(0))
     assert found.reason == "few points"
     assert np.linalg.eigvalsh(found.covariance)[0] > 0
 
 
-def test_the_same_question_has_the_same_answer() -> None:
+def test_verification_is_deterministic() -> None:
     keyframes, verifier = passes(street(0), street(0), at(1)), Verifier(SHORT)
     first, again = (v.verify(keyframes, 6, 2, at(0)) for v in (verifier, Verifier(SHORT)))
     verifier.verify(keyframes, 2, 6, at(0))
@@ -178,7 +179,7 @@ def test_the_same_question_has_the_same_answer() -> None:
         assert (first.inlier_ratio, first.overlap) == (other.inlier_ratio, other.overlap)
 
 
-def test_a_submap_holds_what_is_in_reach_on_the_way() -> None:
+def test_a_submap_covers_its_radius() -> None:
     point = PointCloud(np.array([[1.0, 0, 0], [2.0, 0, 0], [3.0, 0, 0]]), np.zeros(3))
     view = RangeImage(0, np.zeros((0, 0), np.uint16))
     keyframes = [Keyframe(k, at(2.0 * k), 2.0 * k, point, view) for k in range(6)]
@@ -186,7 +187,7 @@ def test_a_submap_holds_what_is_in_reach_on_the_way() -> None:
     assert sorted(submap(keyframes, 0, 2.0, 2)[:, 0]) == [1, 3, 3, 5]
 
 
-def test_a_real_revisit_in_the_reverse_direction(real_data: Callable[[str], Path]) -> None:
+def test_a_recorded_revisit_in_the_reverse_direction_is_accepted(real_data: Callable[[str], Path]) -> None:
     """NCLT: keyframes 500 and 378 are of one place; 420, some 40 m from it, is another."""
     folder = real_data("nclt_20130110")
     poses, dataset = read_poses(folder / "odometry_tum.txt")[1], open_dataset(folder / "keyframes")

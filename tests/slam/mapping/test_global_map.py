@@ -45,7 +45,7 @@ def test_a_voxel_holds_the_average_of_its_points() -> None:
     assert points.intensity == pytest.approx(np.array([0.4, 0.9]), abs=1e-6)
 
 
-def test_negative_coordinates_have_voxels_of_their_own() -> None:
+def test_negative_coordinates_have_their_own_voxels() -> None:
     """-0.1 and 0.1 are neighbours, not the same; -0.1 and -0.9 are the same."""
     grid = world()
     grid.insert(cloud((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1), (-0.9, -0.3, -0.5)), np.eye(4))
@@ -53,7 +53,7 @@ def test_negative_coordinates_have_voxels_of_their_own() -> None:
 
 
 @pytest.mark.parametrize("far", [(10_000.0, -8_000.0, 300.0), (-10_000.0, 8_000.0, -300.0)])
-def test_far_from_the_origin_averages_stay_exact(far: tuple[float, float, float]) -> None:
+def test_averages_are_exact_far_from_the_origin(far: tuple[float, float, float]) -> None:
     grid = world(voxel_size=0.2)
     for _ in range(50):
         grid.insert(cloud((0.05, 0.1, 0.11), (0.15, 0.1, 0.13)), at(*far))
@@ -61,14 +61,14 @@ def test_far_from_the_origin_averages_stay_exact(far: tuple[float, float, float]
     assert grid.points().xyz[0] == pytest.approx(np.add(far, (0.1, 0.1, 0.12)), abs=1.1e-3)  # half a float32 step
 
 
-def test_points_are_moved_by_the_whole_pose() -> None:
+def test_points_are_transformed_by_the_pose() -> None:
     grid, pose = world(), at(10, 20, 30)
     pose[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     grid.insert(cloud((3.3, 1.4, 0.5)), pose)
     assert grid.points().xyz[0] == pytest.approx([8.6, 23.3, 30.5], abs=1e-5)
 
 
-def test_the_range_is_the_sensors_not_the_worlds() -> None:
+def test_the_range_is_measured_from_the_sensor() -> None:
     grid = world(min_range=2.5, max_range=60.0)
     grid.insert(cloud((2.4, 0, 0), (2.6, 0, 0), (0, 0, -59), (0, 61, 0), (36, 48.1, 0)), at(500))
     assert sorted(grid.points().xyz[:, 0].tolist()) == pytest.approx([500, 502.6], abs=1e-3)
@@ -87,7 +87,7 @@ def test_the_same_scan_again_adds_nothing() -> None:
     assert len(grid._sums) == 1 << 16
 
 
-def test_it_grows_beyond_its_first_capacity() -> None:
+def test_the_map_grows_beyond_its_initial_capacity() -> None:
     """Against numpy's averages of 150,000 points in many batches."""
     rng, grid = np.random.default_rng(1), world(voxel_size=0.5)
     xyz = rng.uniform(-40, 40, (150_000, 3)).astype(np.float32)
@@ -105,7 +105,7 @@ def test_it_grows_beyond_its_first_capacity() -> None:
     assert np.abs(points.intensity[ours] - np.bincount(voxel, intensity) / count).max() < 1e-5
 
 
-def test_points_given_out_do_not_change_later() -> None:
+def test_returned_points_do_not_change_later() -> None:
     grid = world()
     grid.insert(cloud((5.1, 0.2, 0.3)), np.eye(4))
     before = grid.points()
@@ -177,7 +177,7 @@ def test_a_box_that_moved_away_is_removed(channels: int, there: tuple[int, int])
 
 @pytest.mark.parametrize("channels", [64, 16])
 @pytest.mark.parametrize("step", [2.0, 0.7])
-def test_what_stands_still_stays_whole(channels: int, step: float) -> None:
+def test_static_objects_are_kept(channels: int, step: float) -> None:
     """Wall, pole, parked car, and the road, grazed by beams up to 40 m away: not one voxel in a thousand is lost."""
     keyframes = driven([[ROAD, HOUSE, CAR, POLE]] * 10, channels, step)
     world = GlobalMap(MapSettings())
@@ -187,7 +187,7 @@ def test_what_stands_still_stays_whole(channels: int, step: float) -> None:
     assert 0.999 * len(world) < len(mapped(keyframes)) <= len(world)
 
 
-def test_poses_that_are_a_little_wrong_do_not_eat_the_road() -> None:
+def test_small_pose_errors_do_not_remove_the_road() -> None:
     """5 cm up and down, 0.2 degrees of pitch."""
     keyframes = driven([[ROAD, HOUSE]] * 10, 64)
     rng, poses = np.random.default_rng(0), []
@@ -203,7 +203,7 @@ def test_poses_that_are_a_little_wrong_do_not_eat_the_road() -> None:
     assert len(build_map(keyframes, np.array(poses))) > 0.99 * len(world)
 
 
-def test_predicted_points_see_through_nothing() -> None:
+def test_predicted_points_do_not_carve() -> None:
     """The box goes away, but what lies behind it is an enricher's guess."""
     worlds = [[ROAD, HOUSE, CAR]] * 2 + [[ROAD, HOUSE]] * 4
     keyframes = Keyframes()
@@ -215,7 +215,7 @@ def test_predicted_points_see_through_nothing() -> None:
     assert within(mapped(list(keyframes)), CAR).sum() > 50
 
 
-def test_keyframes_stand_where_the_optimised_poses_say() -> None:
+def test_the_map_uses_the_optimised_poses() -> None:
     keyframes = driven([[HOUSE]] * 2, 16)
     aside = np.array([keyframe.pose for keyframe in keyframes])
     aside[:, 1, 3] += 100

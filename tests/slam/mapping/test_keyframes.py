@@ -45,30 +45,31 @@ def same(a: Keyframe, b: Keyframe) -> bool:
         arrays = (keyframe.pose, cloud.xyz, cloud.intensity, cloud.colour, view.nearest)
         return tuple(array.tobytes() for array in arrays)
 
-    return fields(a) == fields(b) and (a.index, a.way, a.view.first_row) == (b.index, b.way, b.view.first_row)
+    same = (a.index, a.travelled, a.view.first_row) == (b.index, b.travelled, b.view.first_row)
+    return same and fields(a) == fields(b)
 
 
-def test_a_new_one_begins_after_so_many_metres() -> None:
+def test_a_keyframe_begins_after_a_distance() -> None:
     """Every 0.8 m, from the last keyframe on: 0, 2.4, 4.8."""
     assert drive(Keyframes(), [at(0.8 * frame) for frame in range(8)]) == [0, 3, 6]
 
 
-def test_a_new_one_begins_after_so_many_degrees() -> None:
+def test_a_keyframe_begins_after_a_rotation() -> None:
     assert drive(Keyframes(), [at(0, 15 * frame) for frame in range(5)]) == [0, 2, 4]
 
 
-def test_standing_still_makes_one() -> None:
+def test_a_standing_sensor_has_one_keyframe() -> None:
     assert drive(Keyframes(), [at(0.0)] * 50) == [0]
 
 
-def test_one_is_done_when_the_next_begins() -> None:
+def test_a_keyframe_is_complete_when_the_next_begins() -> None:
     keyframes = Keyframes()
     assert keyframes.add(cloud((10, 0, 0)), at(0), 7, 1.5) is None
     assert keyframes.add(cloud((10, 0, 0)), at(1), 8, 2.5) is None
     assert len(keyframes) == 0
     done = keyframes.add(cloud((10, 0, 0)), at(2.5), 9, 4.0)
     assert done is not None
-    assert (done.index, done.way) == (7, 1.5)
+    assert (done.index, done.travelled) == (7, 1.5)
     np.testing.assert_array_equal(done.pose, at(0))
     assert [keyframe.index for keyframe in keyframes] == [7]
     assert keyframes.finish() is not None
@@ -76,7 +77,7 @@ def test_one_is_done_when_the_next_begins() -> None:
     assert [keyframe.index for keyframe in keyframes] == [7, 9]
 
 
-def test_it_holds_what_the_scans_up_to_the_next_saw_in_its_own_frame() -> None:
+def test_a_keyframe_gathers_the_scans_up_to_the_next() -> None:
     """The second scan is turned to the left, 1 m ahead, and sees the first one's point again."""
     keyframes = Keyframes()
     keyframes.add(cloud((10.04, 0.04, 0.02), intensity=0.2), at(0), 0, 0.0)
@@ -102,7 +103,7 @@ def test_colours_are_kept_and_black_is_not_averaged_in() -> None:
     assert keyframe.cloud.colour.tolist() == [[150, 0, 0], [0, 0, 0]]
 
 
-def test_the_car_itself_and_what_is_too_far_are_left_out() -> None:
+def test_points_out_of_range_are_left_out() -> None:
     keyframes = Keyframes(KeyframeSettings(min_range=2.5, max_range=60))
     keyframes.add(cloud((2, 0, 0), (3, 0, 0), (59, 0, 0), (61, 0, 0)), at(0), 0, 0.0)
     keyframe = keyframes.finish()
@@ -110,7 +111,7 @@ def test_the_car_itself_and_what_is_too_far_are_left_out() -> None:
     assert keyframe.cloud.xyz[:, 0] == pytest.approx([3, 59], abs=COORDINATE_STEP)
 
 
-def test_points_that_are_too_unsure_are_left_out() -> None:
+def test_points_with_a_large_sigma_are_left_out() -> None:
     """Neither of the scan that begins a keyframe nor of those that follow: nothing of them reaches the map."""
     keyframes = Keyframes(KeyframeSettings(max_sigma=0.3))
     for frame in range(2):
@@ -122,7 +123,7 @@ def test_points_that_are_too_unsure_are_left_out() -> None:
 
 
 @pytest.mark.parametrize("memory_mb", [0.0, 0.1, 1000.0])
-def test_what_is_read_back_is_what_was_given_out(memory_mb: float) -> None:
+def test_keyframes_are_read_back_unchanged(memory_mb: float) -> None:
     """On disk, half on disk, in memory: the same bytes."""
     keyframes = Keyframes(KeyframeSettings(memory_mb=memory_mb))
     given = [keyframes.add(random_cloud(frame), at(3.0 * frame), frame, 3.0 * frame) for frame in range(6)]
@@ -138,7 +139,7 @@ def test_what_is_read_back_is_what_was_given_out(memory_mb: float) -> None:
         keyframes[6]
 
 
-def test_memory_stays_within_the_budget_and_the_oldest_go() -> None:
+def test_the_oldest_keyframes_are_moved_to_disk_beyond_the_budget() -> None:
     keyframes = Keyframes(KeyframeSettings(memory_mb=0.1))
     for frame in range(12):
         keyframes.add(random_cloud(frame), at(3.0 * frame), frame, 0.0)
@@ -160,7 +161,7 @@ def test_a_point_takes_seven_bytes_and_three_more_with_colour() -> None:
     assert sizes[1] - sizes[0] == 3 * len(grid)
 
 
-def test_nothing_is_left_in_the_temporary_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_temporary_folder_is_left_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not even while it runs: a program that is killed leaves nothing behind."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     keyframes = Keyframes(KeyframeSettings(memory_mb=0))
@@ -179,7 +180,7 @@ def test_empty_scans_make_an_empty_keyframe() -> None:
     assert keyframe.view.nearest.shape == (0, 720)
 
 
-def test_no_scans_make_none() -> None:
+def test_without_scans_there_are_no_keyframes() -> None:
     keyframes = Keyframes()
     assert keyframes.finish() is None
     assert list(keyframes) == []

@@ -32,7 +32,7 @@ def share(picture: Array, colour: tuple[int, int, int]) -> float:
     return float((np.abs(picture.astype(int) - colour) < 12).all(axis=2).mean())
 
 
-def test_the_colours_of_the_highest_points_are_seen(tmp_path: Path) -> None:
+def test_pixels_show_the_highest_point(tmp_path: Path) -> None:
     low, high = patch((200, 40, 240), -1.7), patch((60, 220, 40), 3.0)
     both = PointCloud(
         np.concatenate([high.xyz, low.xyz]), np.ones(2 * len(low)), colour=np.concatenate([high.colour, low.colour])
@@ -43,14 +43,14 @@ def test_the_colours_of_the_highest_points_are_seen(tmp_path: Path) -> None:
     assert share(drawn(tmp_path, low), (200, 40, 240)) > 0.005
 
 
-def test_height_is_shown_where_no_camera_saw_the_points(tmp_path: Path) -> None:
+def test_points_without_colour_are_coloured_by_height(tmp_path: Path) -> None:
     low, high = (drawn(tmp_path, patch((0, 0, 0), z)) for z in (-1.7, 6.0))
     yellow = (253, 231, 36)
     assert share(high, yellow) > 0.005
     assert share(low, yellow) == 0
 
 
-def test_an_empty_map_shows_the_way(tmp_path: Path) -> None:
+def test_an_empty_map_shows_the_trajectory(tmp_path: Path) -> None:
     assert share(drawn(tmp_path, PointCloud(np.zeros((0, 3)), np.zeros(0))), (255, 59, 48)) > 0.0005
 
 

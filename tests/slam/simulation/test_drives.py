@@ -74,7 +74,7 @@ def test_crawling_traffic_moves_by_centimetres_and_stops_again_and_again() -> No
 
 
 @pytest.mark.parametrize("name", ["loop", "straight", "tunnel", "motorway", "bridge", "traffic"])
-def test_spacing_asks_for_frames_by_distance(name: str) -> None:
+def test_spacing_sets_the_distance_between_frames(name: str) -> None:
     drive = built_in(name, spacing=1.5)
     np.testing.assert_allclose(np.diff(drive.way), 1.5, atol=0.05)
     np.testing.assert_allclose(np.diff(drive.stamps), 0.1)
@@ -102,19 +102,19 @@ def test_the_stamps_of_a_tum_file_are_kept(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda poses: poses[:1], "one pose is no drive"),
+        (lambda poses: poses[:1], "has one pose"),
         (lambda poses: np.concatenate([poses[:7], poses[7:] + jump()]), "lines 7 and 8 are 3"),
         (lambda poses: np.repeat(poses[:1], 9, axis=0), "move 0.00 m"),
     ],
 )
-def test_what_is_no_drive_is_refused(change: object, message: str, tmp_path: Path) -> None:
+def test_unusable_trajectories_are_an_error(change: object, message: str, tmp_path: Path) -> None:
     (tmp_path / "poses.txt").write_text(kitti_text(change(curve())))  # type: ignore[operator]
     with pytest.raises(InputError, match=message) as error:
         from_file(tmp_path / "poses.txt")
     assert "poses.txt" in str(error.value)
 
 
-def test_stamps_that_do_not_rise_are_refused(tmp_path: Path) -> None:
+def test_non_increasing_stamps_are_an_error(tmp_path: Path) -> None:
     stamps = 0.1 * np.arange(40)
     stamps[11] = stamps[10]
     (tmp_path / "poses.txt").write_text(tum_text(stamps, curve()))
@@ -129,12 +129,12 @@ def jump() -> Array:
 
 
 @pytest.mark.parametrize("spacing", [0.0, -1.0, 11.0, float("nan"), float("inf")])
-def test_a_spacing_that_no_drive_can_have_is_refused(spacing: float) -> None:
+def test_a_too_large_spacing_is_an_error(spacing: float) -> None:
     with pytest.raises(InputError, match=r"a spacing of .* m: frames can be up to 10 m apart"):
         built_in("loop", spacing)
 
 
-def test_at_another_rate_a_drive_goes_the_same_way() -> None:
+def test_another_rate_keeps_the_path() -> None:
     slow = built_in("jam")
     fast = at_rate(slow, 20.0)
     assert len(fast) == 2 * len(slow) - 1
@@ -148,7 +148,7 @@ def test_at_another_rate_a_drive_goes_the_same_way() -> None:
     assert len(at_rate(slow, 5.0)) == len(slow) // 2
 
 
-def test_at_another_rate_a_drive_asks_its_path() -> None:
+def test_another_rate_samples_the_path() -> None:
     def circle(stamps: np.ndarray) -> np.ndarray:
         poses = np.tile(np.eye(4), (len(stamps), 1, 1))
         cosine, sine = np.cos(stamps), np.sin(stamps)

@@ -33,7 +33,7 @@ def in_the_world(courtyard: Courtyard, folder: Path, number: int) -> Any:
     return courtyard.placed(points.xyz, courtyard.path(clock + points.times["time"]))
 
 
-def test_the_same_world_whatever_the_stamp(courtyard: Courtyard, tmp_path: Path) -> None:
+def test_the_world_does_not_depend_on_the_stamp(courtyard: Courtyard, tmp_path: Path) -> None:
     courtyard.drive(path=courtyard.path, height=1.3)
     worlds = []
     for stamp, instant in INSTANT.items():
@@ -126,7 +126,7 @@ def test_the_camera_stays_level_and_sees_what_a_tilted_lidar_sees(courtyard: Cou
 
 
 @pytest.mark.parametrize(("height", "tilt"), [(1.73, 0.0), (0.8, 0.0), (2.5, 0.15), (2.5, -0.15)])
-def test_a_lidar_is_mounted_as_asked(courtyard: Courtyard, height: float, tilt: float) -> None:
+def test_mounting_of_the_lidar_is_applied(courtyard: Courtyard, height: float, tilt: float) -> None:
     courtyard.drive()
     rig = Simulation(SimulationConfig(drive="jam", sensor="os1-64", height=height, tilt=tilt, camera=False)).rig
     xyz = rig.frame(0).scan.xyz.astype(float)
@@ -137,7 +137,7 @@ def test_a_lidar_is_mounted_as_asked(courtyard: Courtyard, height: float, tilt: 
     assert rig.poses[0][2, 3] == pytest.approx(height)
 
 
-def test_a_drive_has_a_height_of_its_own(courtyard: Courtyard) -> None:
+def test_a_drive_has_a_default_height(courtyard: Courtyard) -> None:
     courtyard.drive(height=1.3)
     assert Simulation(SimulationConfig(drive="jam")).rig.poses[0][2, 3] == pytest.approx(1.3)
     assert Simulation(SimulationConfig(drive="jam", height=2.0)).rig.poses[0][2, 3] == pytest.approx(2.0)
@@ -167,17 +167,17 @@ def test_a_folder_is_resumed(courtyard: Courtyard, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"stamp": "start", "distort": True}, "--stamp start: KITTI's stamps are of mid-sweep; add --format folder"),
-        ({"stamp": "end", "format": "folder"}, "--stamp end: without --distort"),
+        ({"stamp": "start", "distort": True}, "--stamp start: KITTI's stamps are at mid-sweep; add --format folder"),
+        ({"stamp": "end", "format": "folder"}, "--stamp end: the LiDAR does not move during a sweep"),
         ({"stamp": "never", "format": "folder"}, "stamp 'never'"),
-        ({"rate": 20.0, "spacing": 1.0}, "--rate 20: --spacing"),
+        ({"rate": 20.0, "spacing": 1.0}, "--rate 20: conflicts with --spacing"),
         ({"sensor": "vlp32"}, "unknown sensor 'vlp32'; did you mean 'vlp32c'?"),
         ({"rate": 0.0}, "--rate 0"),
         ({"height": -1.0}, "--height -1"),
         ({"tilt": 2.0}, "--tilt 114.592"),
     ],
 )
-def test_what_does_not_go_together_is_refused(settings: dict[str, Any], message: str) -> None:
+def test_conflicting_settings_are_an_error(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError) as error:
         Simulation(SimulationConfig(drive="jam", **settings))  # type: ignore[arg-type]
     assert message in str(error.value)

@@ -101,7 +101,7 @@ def test_processes_write_the_same_bytes(
     assert contents(tmp_path / "jam") == contents(folder)
 
 
-def test_what_goes_wrong_in_a_process_is_told(
+def test_errors_of_worker_processes_are_raised(
     jam: tuple[Simulation, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     simulation, _ = jam
@@ -121,7 +121,7 @@ def test_a_frame_does_not_depend_on_those_before(jam: tuple[Simulation, Path]) -
     np.testing.assert_array_equal(np.column_stack([alone.xyz, alone.reflectance]), before)
 
 
-def test_a_broken_off_simulation_goes_on(jam: tuple[Simulation, Path], tmp_path: Path) -> None:
+def test_an_interrupted_simulation_is_resumed(jam: tuple[Simulation, Path], tmp_path: Path) -> None:
     simulation, folder = jam
     shutil.copytree(folder, tmp_path / "jam")
     (tmp_path / "jam/sequences/00/velodyne/000002.bin").unlink()
@@ -137,31 +137,31 @@ def test_a_broken_off_simulation_goes_on(jam: tuple[Simulation, Path], tmp_path:
 @pytest.mark.parametrize(
     "other", [SimulationConfig(drive="jam", seed=1, depth=True), SimulationConfig(drive="jam"), SimulationConfig()]
 )
-def test_a_folder_with_another_simulation_is_left_alone(
+def test_a_folder_with_another_simulation_is_an_error(
     jam: tuple[Simulation, Path], tmp_path: Path, other: SimulationConfig
 ) -> None:
     _, folder = jam
     shutil.copy(folder / "simulation.json", tmp_path / "simulation.json")
     assert not Simulation(other).matches(tmp_path)
-    with pytest.raises(InputError, match="holds something else already; name a new folder"):
+    with pytest.raises(InputError, match="has other content; choose a new folder"):
         Simulation(other).write(tmp_path, 1)
 
 
-def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
+def test_a_folder_with_other_content_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(InputError, match="holds something else"):
+    with pytest.raises(InputError, match="has other content"):
         Simulation(SimulationConfig(drive="jam")).write(tmp_path, 1)
     assert contents(tmp_path) == {"thesis.tex": b"years of work"}
 
 
-def test_a_folder_that_cannot_be_made_is_an_error_of_one_line(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_created_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written") as error:
         Simulation(SimulationConfig(drive="jam")).write(tmp_path / "file" / "town", 1)
     assert "\n" not in str(error.value)
 
 
-def test_a_full_disk_leaves_no_half_file(
+def test_a_full_disk_leaves_no_incomplete_file(
     jam: tuple[Simulation, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     simulation, _ = jam

@@ -95,6 +95,6 @@ def test_fewer_frames_have_the_same_path(drive: Drive) -> None:
     np.testing.assert_array_equal(path(other, other.stamps), path(drive, drive.stamps)[::3])
 
 
-def test_a_spacing_is_refused() -> None:
-    with pytest.raises(InputError, match=r"building: a walk has no spacing.*leave --spacing out"):
+def test_a_spacing_is_an_error() -> None:
+    with pytest.raises(InputError, match=r"building: --spacing does not apply to a walk.*leave it out"):
         built_in("building", spacing=1.0)

@@ -1,6 +1,6 @@
-"""Which loops are true: graduated non-convexity on a reduced graph, then whatever lowers the same cost on the full one.
+"""Robust selection of loops: graduated non-convexity on a reduced graph, then descent of the cost on the full graph.
 
-The cost is that of truncated least squares: the squared distances of all edges, a loop's at most the threshold.
+The cost is truncated least squares: the sum of squared distances of all edges, where a loop adds at most the threshold.
 """
 
 from __future__ import annotations
@@ -18,40 +18,51 @@ from slam.graph.solver import gnc, optimised, relative_covariances, squared_dist
 
 Groups = list[list[int]]
 
-ROUNDS = 5  # of solving the full graph and looking again which loops fit it
-LEAST_GAIN = 1 / 3  # of the threshold: what is gained without a true loop that is merely inexact was below 1/5
-TRIED = 5  # groups at most whose absence is tried in a round
-DOUBTFUL = 0.25  # of the threshold: a loop that is off by half as many standard deviations as it may be
+MAX_ROUNDS = 5  # of solving the full graph and selecting the loops that fit it
+MIN_GAIN = 1 / 3  # share of the threshold: removing a true but inexact loop gained less than 1/5
+MAX_TRIALS = 5  # groups whose removal is tried per round
+SUSPICIOUS = 0.25  # share of the threshold, in squared distance: half of the allowed standard deviations
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
-    """`poses` (N, 4, 4) of the full graph with the accepted loops; for each loop whether it is true, (L,), and why."""
+class LoopSelection:
+    """Result of `select_loops`.
+
+    Attributes:
+        poses: (N, 4, 4), solution of the full graph with the accepted loops.
+        accepted: (L,) bool.
+        reasons: Reason of each decision, L sentences.
+    """
 
     poses: Array
     accepted: Array
     reasons: tuple[str, ...]
 
 
-def judge(odometry: Sequence[Edge], loops: Sequence[Edge], start: Array) -> Verdict:
-    """Which loops are true, starting from poses (N, 4, 4); odometry is taken for sound. Deterministic.
+def select_loops(odometry: Sequence[Edge], loops: Sequence[Edge], start: Array) -> LoopSelection:
+    """Select the true loops, assuming that odometry has no outliers. Deterministic.
 
-    1. Loops that agree with neighbours are clustered; one of each cluster goes into a graph reduced to the poses that
-       they touch, where GNC-TLS decides.
-    2. Loops on their own are held against the result, its uncertainty included; those that may be true are decided
-       together with the clusters, from there.
-    3. The full graph is solved with all the loops that stay; loops that fit it, and only they, are accepted.
-    4. A cluster that only just fits is left out for a trial: where the rest fits so much better, it stays out.
+    1. Loops that agree with neighbours are clustered; one loop of each cluster goes into a graph reduced to the poses
+       of these loops, where GNC-TLS decides.
+    2. Single loops are tested against the result with its uncertainty; those that may be true are decided together with
+       the clusters, starting from that result.
+    3. The full graph is solved with the remaining loops; exactly the loops that fit it are accepted.
+    4. Clusters that barely fit are removed on trial: if the cost decreases enough, they stay out.
+
+    Args:
+        odometry: Edge k joins pose k to k + 1.
+        loops: Loop edges.
+        start: Initial poses (N, 4, 4).
     """
     if not loops:
-        return Verdict(optimised(odometry, [], start), np.zeros(0, bool), ())
+        return LoopSelection(optimised(odometry, [], start), np.zeros(0, bool), ())
     clusters = LoopClusters(loops, odometry)
     groups, threshold = clusters.groups(), clusters.threshold
     together = [group for group in groups if len(group) > 1]
     possible = [group for group in groups if len(group) == 1]
     poses, supported = _decided(odometry, loops, together, start, threshold)
     middles, members = [_middle(loops, group) for group in supported], [loops[n] for group in supported for n in group]
-    for trusted in (middles, members):  # the few cheap ones refuse most
+    for trusted in (middles, members):  # the first test is cheap and rejects most
         possible = _possible(odometry, loops, possible, trusted, poses, threshold)
     if possible:
         poses, supported = _decided(odometry, loops, supported + possible, poses, threshold)
@@ -64,12 +75,12 @@ def judge(odometry: Sequence[Edge], loops: Sequence[Edge], start: Array) -> Verd
         f"{'fits' if stays else 'contradicts'} the graph: chi2 {value:.3g}, limit {threshold:.3g}"
         for stays, value in zip(state.accepted, state.distance, strict=True)
     )
-    return Verdict(state.poses, state.accepted, tuple(reasons))
+    return LoopSelection(state.poses, state.accepted, tuple(reasons))
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """The full graph solved with the accepted loops: squared distance of every loop (L,), and the truncated cost."""
+    """Solution of the full graph with the accepted loops: squared distances of all loops (L,), truncated cost."""
 
     poses: Array
     accepted: Array
@@ -87,9 +98,9 @@ def _solved(odometry: Sequence[Edge], loops: Sequence[Edge], accepted: Array, st
 def _settled(
     odometry: Sequence[Edge], loops: Sequence[Edge], accepted: Array, start: Array, threshold: float
 ) -> _State:
-    """Solved again until the accepted loops are those that fit: neither step raises the cost."""
+    """Solve and reselect until the accepted loops are those that fit; neither step increases the cost."""
     state = _solved(odometry, loops, accepted, start, threshold)
-    for _ in range(ROUNDS - 1):
+    for _ in range(MAX_ROUNDS - 1):
         fits = state.distance < threshold
         if (fits == state.accepted).all():
             break
@@ -100,22 +111,23 @@ def _settled(
 def _without_wrong(
     odometry: Sequence[Edge], loops: Sequence[Edge], groups: Groups, state: _State, threshold: float
 ) -> _State:
-    """Without the groups, or the worst loops of groups, whose absence lowers the cost; the most helpful goes first.
+    """Remove groups, or the worst loop of a group, as long as this decreases the cost; the best removal goes first.
 
-    A wrong loop bends the graph until it fits, though only just, and GNC may end in such an optimum of the cost that is
-    not the best one. Tried are the few groups with the most doubtful loops.
+    A false loop bends the graph until it barely fits, and GNC may end in such a local optimum. Only the groups with the
+    largest squared distances are tried.
     """
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         worst = [max(group, key=lambda n: state.accepted[n] * state.distance[n]) for group in groups]
-        doubt = state.accepted[worst] * state.distance[worst]
-        doubtful = [k for k in np.argsort(-doubt, kind="stable")[:TRIED] if doubt[k] > DOUBTFUL * threshold]
+        distance = state.accepted[worst] * state.distance[worst]
+        order = np.argsort(-distance, kind="stable")[:MAX_TRIALS]
+        suspicious = [k for k in order if distance[k] > SUSPICIOUS * threshold]
         best = state
-        for suspects in {tuple(some): None for k in doubtful for some in (groups[k], [worst[k]])}:
+        for suspects in {tuple(some): None for k in suspicious for some in (groups[k], [worst[k]])}:
             rest = state.accepted.copy()
             rest[list(suspects)] = False
             trial = _solved(odometry, loops, rest, state.poses, threshold)
             best = min(best, trial, key=lambda one: one.cost)
-        if state.cost - best.cost < LEAST_GAIN * threshold:
+        if state.cost - best.cost < MIN_GAIN * threshold:
             break
         state = _settled(odometry, loops, best.distance < threshold, best.poses, threshold)
     return state
@@ -124,9 +136,9 @@ def _without_wrong(
 def _decided(
     odometry: Sequence[Edge], loops: Sequence[Edge], groups: Groups, start: Array, threshold: float
 ) -> tuple[Array, Groups]:
-    """Poses (N, 4, 4) and the groups that stay, by GNC on the reduced graph.
+    """Poses (N, 4, 4) and the groups that GNC keeps on the reduced graph.
 
-    The middle loop of each group stands for all of them: it counts as often as the group has loops.
+    The middle loop of each group represents all of them: it is added as often as the group has loops.
     """
     if not groups:
         return start, groups
@@ -149,9 +161,9 @@ def _possible(
     start: Array,
     threshold: float,
 ) -> Groups:
-    """Those of the groups whose middle loop would raise the cost of the trusted graph by less than `threshold`.
+    """The groups whose middle loop would increase the cost of the trusted graph by less than `threshold`.
 
-    To first order that is its squared Mahalanobis distance with the uncertainty of the graph included.
+    To first order, this increase is the squared Mahalanobis distance including the uncertainty of the graph.
     """
     if not groups:
         return []
