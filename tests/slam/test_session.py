@@ -139,7 +139,7 @@ def test_degenerate_frames_are_told(street_scans: list[Array], tmp_path: Path) -
     assert report["notes"] == result.notes()
     (note,) = result.notes()
     assert note == (
-        "3 of 8 frames degenerate: the scan did not hold the pose along the direction of travel in 3, "
+        "3 of 8 frames degenerate: the scan did not constrain the pose along the direction of travel in 3, "
         "about z (heading) in 1, along y (sideways) in 1; the prediction was kept there"
     )
 

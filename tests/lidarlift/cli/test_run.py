@@ -191,7 +191,7 @@ def test_degenerate_frames_are_said_in_one_line(
     assert result.code == 0, result.err
     (line,) = [line for line in result.out.splitlines() if "degenerate" in line]
     assert line == (
-        "3 of 8 frames degenerate: the scan did not hold the pose along the direction of travel; "
+        "3 of 8 frames degenerate: the scan did not constrain the pose along the direction of travel; "
         "the prediction was kept there"
     )
 
