@@ -134,11 +134,12 @@ def eigenvalues(A):
     xx, yy, zz = A[0, 0] - mean, A[1, 1] - mean, A[2, 2] - mean
     xy, xz, yz = A[0, 1], A[0, 2], A[1, 2]
     squared = (xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0
-    if squared <= 0.0:
-        return mean, mean, mean
     spread = math.sqrt(squared)
+    cubed = squared * spread
+    if cubed <= 0.0:  # also by underflow: equal eigenvalues
+        return mean, mean, mean
     determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
-    angle = math.acos(min(1.0, max(-1.0, 0.5 * determinant / (squared * spread)))) / 3.0
+    angle = math.acos(min(1.0, max(-1.0, 0.5 * determinant / cubed))) / 3.0
     largest = mean + 2.0 * spread * math.cos(angle)
     smallest = mean + 2.0 * spread * math.cos(angle + 2.0 * math.pi / 3.0)
     return smallest, 3.0 * mean - smallest - largest, largest

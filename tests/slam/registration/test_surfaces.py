@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -58,6 +58,7 @@ def ring(y: float, z: float) -> Array:
     st.lists(st.sampled_from([0.0, 1e-6, 1e-3, 1.0, 1.0 + 1e-9, 3.0, 500.0]), min_size=3, max_size=3),
     st.tuples(*[st.floats(-3, 3)] * 3),
 )
+@example([1e-6, 1e-6, 1e-6], (0.0, 0.0, 7e-115))  # the cube of the eigenvalues' spread underflows
 def test_eigenvalues_and_vectors_are_those_of_numpy(values: list[float], turn: tuple[float, ...]) -> None:
     """Eigenvalues also if two or three are equal or zero; eigenvectors of simple eigenvalues."""
     axes = Rotation.from_rotvec(turn).as_matrix()
