@@ -130,7 +130,7 @@ def test_no_frames_left_is_an_input_error(street_drive: Drive, frames: slice) ->
 
 
 def test_deskewing_needs_times(street_drive: Drive) -> None:
-    with pytest.raises(InputError, match="no times to deskew by"):
+    with pytest.raises(InputError, match="the points have no times"):
         run(street_drive(), "front_end.deskew=true")
 
 

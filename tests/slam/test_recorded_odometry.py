@@ -55,7 +55,7 @@ def test_a_sweep_takes_as_long_as_the_poses_stamps_say(
 
 def test_too_few_poses_are_refused(street_poses: Array, tmp_path: Path) -> None:
     (tmp_path / "poses.txt").write_text(kitti_text(street_poses[:5]))
-    with pytest.raises(InputError, match=r"poses\.txt: 5 poses for 8 scans; one a scan"):
+    with pytest.raises(InputError, match=r"poses\.txt: 5 poses for 8 scans; give one pose per scan"):
         RecordedOdometry(tmp_path / "poses.txt", 8)
 
 

@@ -146,5 +146,5 @@ def test_strict_stops_before_a_frame_whose_stamp_makes_no_sense(frames: list[Fra
 
 @pytest.mark.parametrize("stamp", [float("nan"), float("inf")])
 def test_a_stamp_that_is_no_number_is_refused(frames: list[Frame], stamp: float) -> None:
-    with slam() as it, pytest.raises(InputError, match=r"its stamp is (nan|inf); give the scan's time in seconds"):
+    with slam() as it, pytest.raises(InputError, match=r"the stamp is (nan|inf); give the scan's time in seconds"):
         it.add(replace(frames[0], stamp=stamp))
