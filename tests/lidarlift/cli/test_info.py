@@ -50,7 +50,7 @@ def test_a_cheap_lidars_folder(cheap: Path) -> None:
     assert found.duration_s == pytest.approx(1.9)
     assert found.points == 14_400
     assert found.range_m[0] == pytest.approx(5, abs=0.5)
-    assert (found.rings, found.rings_from) == (16, "by the field ring")
+    assert (found.rings, found.rings_from) == (16, "from the field ring")
     assert (found.sensor, found.looks_like) == (None, "vlp16")
     assert [field.partition(" (")[0] for field in found.fields] == ["x y z", "intensity", "ring", "time"]
     assert "field time, s, relative, 0 to 99.9 ms of a 100 ms sweep, in 12 of 12 scans" in found.point_times
@@ -76,7 +76,7 @@ def test_damage_gaps_and_holes(lidarlift: Command, cheap: Path) -> None:
     result = lidarlift("info", cheap, "--all")
     assert result.code == 0, result.err
     out = " ".join(result.out.split())
-    assert "19, numbers 0 to 19, 10 a second, 1.9 s in all" in out
+    assert "19, numbers 0 to 19, 10 Hz, 1.9 s in total" in out
     assert "a gap of 0.2 s" in out
     assert "images of 40 x 30 pixels for 19 of 19 scans, not calibrated" in out
     for line in (
@@ -117,8 +117,8 @@ def test_kittis_sequences(lidarlift: Command, street_drive: Drive, tmp_path: Pat
     page = " ".join(lidarlift("info", path).out.split())
     for words in (
         "kitti 77",
-        "8, numbers 0 to 7, 10 a second",
-        "rings 64, by the lasers of hdl64",
+        "8, numbers 0 to 7, 10 Hz",
+        "rings 64, from the lasers of hdl64",
         "none (the scans are motion-compensated already)",
         "camera calibrated, but no images",
         "ground truth of 8 of 8 scans, 9.8 m",
@@ -128,7 +128,7 @@ def test_kittis_sequences(lidarlift: Command, street_drive: Drive, tmp_path: Pat
     shutil.copytree(path, path.parent / "78")
     (path.parent / "78" / "times.txt").unlink()
     listed = lidarlift("info", tmp_path / "kitti").out
-    assert "2 drives" in listed
+    assert "2 sequences" in listed
     assert [line.split()[:3] for line in listed.splitlines() if " scans " in line] == [
         ["77", "8", "scans"],
         ["78", "8", "scans"],
