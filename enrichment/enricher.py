@@ -14,7 +14,7 @@ from enrichment.geometry.sparse_scan import Method, SparseScan, heights
 from slam.data.cloud import Array, Frame, History, PointCloud
 from slam.data.sensor import Sensor
 
-BEAMS = 64  # approximate number of lines after enrichment
+BEAMS = 64  # approximate number of lines after enrichment, if the sensor has fewer
 FIRST_SCANS = 10  # used to choose the number of columns
 MIN_RING_POINTS = 90  # on the fullest ring of a scan used for this: a quarter turn at the coarsest resolution
 MAX_RATIO = 1.25  # between the median and the chosen number of columns, above which the choice is changed

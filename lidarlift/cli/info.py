@@ -120,11 +120,8 @@ def _several(path: Path, names: list[str]) -> str:
         except InputError as error:
             lines += _wrapped(f"{name:{width}}  {error}", "  ", " " * (width + 4))
             continue
-        extras = [
-            word
-            for word, there in (("camera", data.calibration), ("ground truth", data.ground_truth))
-            if there is not None
-        ]
+        parts = {"camera": data.calibration, "ground truth": data.ground_truth}
+        extras = [part for part, content in parts.items() if content is not None]
         seconds = data.stamps[-1] - data.stamps[0]
         lines.append(f"  {name:{width}}  {len(data):6,} scans  {seconds:8.1f} s  {', '.join(extras)}".rstrip())
     lines += ["", f"To inspect one:\n  lidarlift info {shlex.quote(str(path))} --sequence {shlex.quote(names[0])}"]

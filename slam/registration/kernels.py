@@ -84,9 +84,8 @@ def downsample(xyz, weight, size, min_range, max_range, table):
     """
     table[:, 0] = EMPTY
     inverse_size = 1.0 / size
-    sums = np.empty(
-        (min(len(xyz), len(table) // 2), 8), np.float32
-    )  # weight, xyz sum relative to the first point, count, first point
+    # columns: weight, weighted sum of xyz relative to the first point, number of points, first point
+    sums = np.empty((min(len(xyz), len(table) // 2), 8), np.float32)
     source = np.empty(len(sums), np.int64)
     count, fits = 0, True
     last_key, cell = EMPTY, 0

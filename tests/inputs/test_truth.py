@@ -921,9 +921,7 @@ def onto_the_input(bench: Bench) -> None:
     assert sorted(path.rglob("*")) == before
     own = bench.folder / "000000.bin"
     content = own.read_bytes()
-    bench.lidarlift("enrich", bench.folder, "--sensor", "vlp16", "--out", bench.folder).refused(
-        "where nothing may change"
-    )
+    bench.lidarlift("enrich", bench.folder, "--sensor", "vlp16", "--out", bench.folder).refused("must not change")
     assert own.read_bytes() == content
     result = bench.lidarlift("enrich", path, "--enricher", "ray-segment", "--frames", ":1", "--out", path / "enriched")
     assert result.code == 0, result.err
