@@ -1,4 +1,4 @@
-"""The front end that fills in what a sparse LiDAR did not measure."""
+"""Front end that enriches a sparse scan with predicted points on virtual beams."""
 
 from __future__ import annotations
 
@@ -14,26 +14,28 @@ from enrichment.geometry.sparse_scan import Method, SparseScan, heights
 from slam.data.cloud import Array, Frame, History, PointCloud
 from slam.data.sensor import Sensor
 
-BEAMS = 64  # about so many lines where the sensor's own are fewer
-FIRST_SCANS = 10  # that tell how many columns are usual
-ENOUGH = 90  # points on its fullest ring that a scan needs to tell: a quarter of a turn at the coarsest
-OTHERWISE = 1.25  # times more columns, or fewer, than those that are filled now
+BEAMS = 64  # approximate number of lines after enrichment, if the sensor has fewer
+FIRST_SCANS = 10  # used to choose the number of columns
+MIN_RING_POINTS = 90  # on the fullest ring of a scan used for this: a quarter turn at the coarsest resolution
+MAX_RATIO = 1.25  # between the median and the chosen number of columns, above which the choice is changed
 
 
 class Enricher:
-    """A sparse scan, and the image beside it, become a cloud on many virtual beams.
+    """Enriches sparse scans, with their images, to clouds on many virtual beams.
 
-    All measured points come first, as they are; behind them the predicted ones, on the rays of `target`'s lines
-    through the centres of the azimuth columns, each with its sigma and `measured` False. Rings are numbered as in
-    `target`. A scan whose rings are unknown is handed on as it is.
+    The measured points come first, unchanged; then the predicted points, on the rays of `target`'s lines through the
+    centres of the azimuth columns, each with its sigma and `measured` False. Rings are numbered as in `target`. A scan
+    without rings is returned unchanged.
 
-    It belongs to one run: the calibration of sigma, and how many columns a scan fills, are learned from the scans.
+    An enricher is for one run: the calibration of sigma and the number of columns are estimated from its scans.
 
-    measure   gives the sparse cloud of a frame, in the sensor's own geometry
-    method    predicts ranges and sigmas; these are calibrated while driving
-    lines     the laser line of every ring id of the sparse cloud; `rings` (K,) those that it has, top first
-    target    the lines to fill; by default `denser(lines, rings)`
-    coverage  share of the predicted points that are kept, those of least sigma for their range
+    Args:
+        measure: Returns the sparse cloud of a frame, in the sensor's geometry.
+        method: Predicts ranges and sigmas, which are calibrated while running.
+        lines: The laser line of each ring index of the sparse cloud.
+        rings: Ring indices (K,) of the sparse cloud, top first.
+        target: The lines after enrichment. Default: `denser(lines, rings)`.
+        coverage: Share of the predicted points that are kept: those with the smallest sigma relative to their range.
     """
 
     def __init__(
@@ -48,36 +50,36 @@ class Enricher:
         self.measure, self.method, self.coverage = measure, Calibrated(method), coverage
         self.lines, self.rings = lines, rings
         self.target = target or denser(lines, rings)
-        self._columns_of = UsualColumns()
+        self._column_count = ColumnCount()
         self._row_of_ring = np.abs(heights(lines)[:, None] - heights(self.target)).argmin(axis=1)
         self._ring_of_row = np.full(self.target.ring_count, -1)
         self._ring_of_row[self._row_of_ring[rings]] = rings
 
     def __call__(self, frame: Frame, history: History) -> PointCloud:
-        """The cloud of a frame, in the sensor's own geometry: neither deskewed nor vertically corrected."""
+        """Return the enriched cloud of a frame, in the sensor's geometry: neither deskewed nor vertically corrected."""
         cloud = self.measure(frame, history)
         if cloud.ring is None or len(cloud) == 0:
             return cloud
-        columns = self._columns_of(cloud)
+        columns = self._column_count(cloud)
         grid = RayGrid(self.target, columns)
 
-        def past() -> History:
+        def measured_history() -> History:
             return [(self._as_measured(then), T_now_then) for then, T_now_then in history if then.ring is not None]
 
-        scan = SparseScan(cloud, self.lines, self.rings, frame.read_image, frame.calibration, columns, past)
-        return self._joined(scan, grid, self.method(scan, grid))
+        scan = SparseScan(cloud, self.lines, self.rings, frame.read_image, frame.calibration, columns, measured_history)
+        return self._merge(scan, grid, self.method(scan, grid))
 
     def _as_measured(self, cloud: PointCloud) -> PointCloud:
-        """What was measured of a cloud made here, with the sparse cloud's ring ids."""
+        """The measured points of an enriched cloud, with the ring indices of the sparse cloud."""
         measured = cloud.select(cloud.measured)
         return replace(measured, ring=self._ring_of_row[measured.ring])
 
-    def _joined(self, scan: SparseScan, grid: RayGrid, prediction: Prediction) -> PointCloud:
-        """The scan's points and the predicted ones that are kept."""
+    def _merge(self, scan: SparseScan, grid: RayGrid, prediction: Prediction) -> PointCloud:
+        """The measured points and the predicted points that are kept."""
         cloud, sensor = scan.cloud, grid.sensor
         time = np.zeros(0, np.float32) if cloud.time is None else cloud.time
         xyz, intensity, sigma, ring, times = kernels.collect(
-            prediction.ranges, prediction.sigma, self._kept(prediction), scan.points, *scan.rows_around(sensor),
+            prediction.ranges, prediction.sigma, self._selection(prediction), scan.points, *scan.rows_around(sensor),
             cloud.intensity, time, grid.azimuth, np.cos(sensor.elevation), np.sin(sensor.elevation), sensor.offset,
         )  # fmt: skip
         return PointCloud(
@@ -89,8 +91,8 @@ class Enricher:
             measured=np.concatenate([cloud.measured, np.zeros(len(xyz), bool)]),
         )
 
-    def _kept(self, prediction: Prediction) -> Array:
-        """(R, W) bool."""
+    def _selection(self, prediction: Prediction) -> Array:
+        """Which predictions are kept, (R, W) bool."""
         if self.coverage >= 1:
             return prediction.trusted
         relative = (prediction.sigma / np.maximum(prediction.ranges, np.float32(1e-3)))[prediction.trusted]
@@ -98,10 +100,10 @@ class Enricher:
         return prediction.trusted & (prediction.sigma <= limit * prediction.ranges)
 
 
-class UsualColumns:
-    """How many columns a drive's scans fill: as the first one says, unless the first few together say otherwise.
+class ColumnCount:
+    """Chooses the number of azimuth columns: that of the first scan, unless the median of the first few differs.
 
-    A scan of few points, as at the start of a recording, says nothing.
+    Scans with few points, as at the start of a recording, are not used.
     """
 
     def __init__(self) -> None:
@@ -109,21 +111,21 @@ class UsualColumns:
         self._chosen = 0
 
     def __call__(self, cloud: PointCloud) -> int:
-        """Of the grid for the next scan, which has rings."""
+        """Return the number of columns for the next scan, which has rings."""
         if len(self._seen) == FIRST_SCANS:
             return self._chosen
         assert cloud.ring is not None
         found = columns_for(cloud)
-        if np.bincount(cloud.ring).max() >= ENOUGH:
+        if np.bincount(cloud.ring).max() >= MIN_RING_POINTS:
             self._seen.append(found)
-            usual = sorted(self._seen)[len(self._seen) // 2]
-            if not 1 / OTHERWISE < self._chosen / usual < OTHERWISE:
-                self._chosen = usual
+            median = sorted(self._seen)[len(self._seen) // 2]
+            if not 1 / MAX_RATIO < self._chosen / median < MAX_RATIO:
+                self._chosen = median
         return self._chosen or found
 
 
 def denser(lines: Sensor, rings: Array) -> Sensor:
-    """The lines of the rings (K,) with so many put evenly between each two that there are about 64."""
+    """Return the lines of the rings (K,) with evenly spaced lines between each two, about 64 in total."""
     between = max(1, round(BEAMS / len(rings)))
     places, known = np.arange((len(rings) - 1) * between + 1) / between, np.arange(len(rings))
     return replace(

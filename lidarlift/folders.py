@@ -1,4 +1,4 @@
-"""Results never go where the data come from."""
+"""Protection of data sets: results are never written into their folders."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ if TYPE_CHECKING:
 
 
 def require_apart(out: Path, data: Dataset) -> None:
-    """Refuse to write into a data set: results would take the place of its files, or be taken for some of them.
+    """Refuse an output folder inside a data set: results would overwrite its files, or be read as part of it.
 
-    A folder of one's own inside the drive's is allowed.
+    A separate folder inside that of the sequence is allowed.
 
     Args:
-        out: The folder that is to be written.
-        data: What is read. Where it has `folders`, these are refused; else its `path` alone.
+        out: The output folder.
+        data: The data set. If it has `folders`, these are protected; otherwise its `path`.
 
     Raises:
-        InputError: `out` is one of its folders, by whatever name or link, or lies inside one that holds its files.
+        InputError: `out` is a folder of the data set, also by a link, or inside a folder with its files.
     """
-    place = out.expanduser().resolve()
-    drive = data.path.resolve()
-    for folder in {path.resolve() for path in getattr(data, "folders", ())} | {drive}:
-        if place == folder or (folder != drive and folder in place.parents):
-            raise InputError(f"{out}: the drive is read from {folder}, where nothing may change; choose another folder")
+    target = out.expanduser().resolve()
+    root = data.path.resolve()
+    for folder in {path.resolve() for path in getattr(data, "folders", ())} | {root}:
+        if target == folder or (folder != root and folder in target.parents):
+            raise InputError(f"{out}: {folder} belongs to the data set and must not change; choose another folder")

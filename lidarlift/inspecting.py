@@ -1,4 +1,4 @@
-"""What is in a data set, before anything is run."""
+"""Inspection of a data set, without a run."""
 
 from __future__ import annotations
 
@@ -16,45 +16,45 @@ if TYPE_CHECKING:
     from slam.data.point_files import Points
     from slam.data.problem import Problem
 
-LOOKED_AT = 12  # scans, evenly spread
-FEW_RINGS, MANY_RINGS = 32, 64  # that are worth filling in; of which 16 can be taken, and filled in, to compare
-ALIKE = 0.6  # deg: a ring's median elevation from a sensor's line, at most as a median over the rings
-HOLE = 1.5  # of the usual step between stamps
+MAX_SCANS = 12  # that are read, evenly spaced
+MAX_SPARSE_RINGS, DENSE_RINGS = 32, 64  # enrichment is useful; 16 rings can be selected, enriched and compared
+MAX_DIFFERENCE = 0.6  # deg, median over the rings of the difference between a ring's elevation and a sensor's line
+GAP = 1.5  # times the usual step between stamps
 
 
 @dataclass(frozen=True)
 class Info:
-    """A data set in figures, and what would be assumed of it.
+    """Properties of a data set, and the assumptions of a run.
 
     Attributes:
-        name: Of the data set.
-        path: Its folder.
-        scans: How many there are.
-        first: Number of the first scan, and
-        last: of the last.
-        rate_hz: Scans a second, as is usual; None for a single scan.
-        duration_s: From the first stamp to the last.
-        stamps: Where these are from.
-        holes: How many steps between stamps are much longer than usual, and
-        longest_hole_s: the longest of them; 0 without any.
-        looked_at: How many scans were read for what follows.
-        points: Of a scan, the median.
-        range_m: Of the points, the nearest, median and farthest (1, 50 and 99 %).
-        fields: Of the points as the files have them, with type and values.
-        rings: How many have returns; None where the rings are unknown.
-        rings_from: How they are known, or why not.
-        point_times: The verdict on the points' times.
-        sensor: Name of the LiDAR, None where nobody said.
-        looks_like: A built-in LiDAR whose lines the rings fit, None where one is named, or none fits.
-        vertical_correction_deg: What elevations are raised by.
-        motion_compensated: Whether the scans are deskewed already.
-        images: How many scans have one, and
-        image_size: width and height in pixels; None where none was read.
-        calibrated: Whether the camera's calibration is there.
-        truth: How many scans have ground truth, and
-        truth_m: how long its way is, holes left out.
-        problems: What would be noted in a run: each kind with its count, and the first message.
-        commands: What to type next.
+        name: Name of the data set.
+        path: Folder of the data set.
+        scans: Number of scans.
+        first: Number of the first scan.
+        last: Number of the last scan.
+        rate_hz: Usual scan rate [Hz]; None for a single scan.
+        duration_s: Time [s] from the first to the last stamp.
+        stamps: Source of the stamps.
+        holes: Number of gaps: steps between stamps that are much longer than usual.
+        longest_hole_s: Longest gap [s]; 0 without gaps.
+        looked_at: Number of scans that were read for the properties below.
+        points: Median number of points per scan.
+        range_m: Ranges [m] of the points: 1st, 50th and 99th percentile.
+        fields: Fields of the points in the files, with type and values.
+        rings: Number of rings with returns; None if the rings are unknown.
+        rings_from: Source of the ring indices, or why they are unknown.
+        point_times: How the points' times are interpreted.
+        sensor: Name of the LiDAR, None if unknown.
+        looks_like: The built-in LiDAR whose lines match the rings; None if the LiDAR is known or none matches.
+        vertical_correction_deg: Angle [deg] added to each elevation.
+        motion_compensated: Whether the scans are already deskewed.
+        images: Number of scans with an image.
+        image_size: Width and height of the images in pixels; None if no image was read.
+        calibrated: Whether the camera's calibration is available.
+        truth: Number of scans with ground truth.
+        truth_m: Travelled distance [m] of the ground truth, without gaps.
+        problems: Problems that a run would report: each kind with its count and first message.
+        commands: Commands to run SLAM on the data set.
     """
 
     name: str
@@ -95,14 +95,14 @@ def info(
     columns: str | None = None,
     every_scan: bool = False,
 ) -> Info:
-    """Look into a data set: open it and read some of its scans.
+    """Inspect a data set: open it and read some of its scans.
 
     Args:
-        path: What `open_dataset` takes.
-        sequence: Which sequence or drive, where the folder has several.
-        sensor: The LiDAR's name or a YAML file with its beams, where the folder does not say.
-        columns: What the numbers of .bin and .npy scans are, as `open_dataset` takes it.
-        every_scan: Read all of its scans, so that all damage is found.
+        path: A path that `open_dataset` takes.
+        sequence: Name of the sequence, if the folder has several.
+        sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
+        columns: Columns of .bin and .npy scans, as in `open_dataset`.
+        every_scan: Read all scans, so that all damage is found.
 
     Raises:
         InputError: As `open_dataset`.
@@ -116,11 +116,11 @@ def info(
     from slam.data.stamps import usual_step
 
     data = open_dataset(path, sequence, sensor, columns=columns)
-    chosen = np.arange(len(data)) if every_scan else np.linspace(0, len(data) - 1, LOOKED_AT).round().astype(int)
-    looks = [_look(data, int(position)) for position in np.unique(chosen)]
-    full = [look for look in looks if look.points] or looks[:1]
+    chosen = np.arange(len(data)) if every_scan else np.linspace(0, len(data) - 1, MAX_SCANS).round().astype(int)
+    inspected = [_inspect_scan(data, int(position)) for position in np.unique(chosen)]
+    full = [scan for scan in inspected if scan.points] or inspected[:1]
     usual, steps = usual_step(data.stamps), np.diff(data.stamps)
-    holes = steps[steps > HOLE * usual] if usual else steps[:0]
+    gaps = steps[steps > GAP * usual] if usual else steps[:0]
     looks_like = None if data.sensor else _looks_like(full[0].elevations)
     rings, rings_from = _rings(data, full)
     truth, truth_m = _truth(data.ground_truth)
@@ -133,31 +133,31 @@ def info(
         rate_hz=1 / usual if usual else None,
         duration_s=float(data.stamps[-1] - data.stamps[0]),
         stamps=getattr(data, "stamps_from", None) or "of the data set",
-        holes=len(holes),
-        longest_hole_s=float(holes.max(initial=0)),
-        looked_at=len(looks),
-        points=int(np.median([look.points for look in full])),
+        holes=len(gaps),
+        longest_hole_s=float(gaps.max(initial=0)),
+        looked_at=len(inspected),
+        points=int(np.median([scan.points for scan in full])),
         range_m=_ranges(full),
         fields=full[0].fields,
         rings=rings,
         rings_from=rings_from,
-        point_times=_times(data, looks),
+        point_times=_times(data, inspected),
         sensor=data.sensor.name if data.sensor else None,
         looks_like=looks_like,
         vertical_correction_deg=float(np.rad2deg(data.sensor.vertical_correction)) if data.sensor else 0.0,
         motion_compensated=bool(data.sensor and data.sensor.motion_compensated),
         images=sum(image is not None for image in getattr(data, "images", ())),
-        image_size=next((look.image_size for look in looks if look.image_size), None),
+        image_size=next((scan.image_size for scan in inspected if scan.image_size), None),
         calibrated=data.calibration is not None,
         truth=truth,
         truth_m=truth_m,
-        problems=_kinds([*data.problems, *(problem for look in looks for problem in look.problems)]),
+        problems=_kinds([*data.problems, *(problem for scan in inspected for problem in scan.problems)]),
         commands=_commands(path, {"sequence": sequence, "sensor": sensor or looks_like, "columns": columns}, rings),
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _Look:
+class _ScanInfo:
     """Properties of one scan.
 
     Attributes:
@@ -181,14 +181,15 @@ class _Look:
     problems: tuple[Problem, ...]
 
 
-def _look(data: Dataset, position: int) -> _Look:
+def _inspect_scan(data: Dataset, position: int) -> _ScanInfo:
+    """Read a scan, and return its properties."""
     from slam.data.images import found_in_reading
 
     frame = data[position]
     cloud, image = frame.cloud, frame.image
     range_ = np.linalg.norm(cloud.xyz, axis=1)
     raw = data.points(position) if hasattr(data, "points") else None
-    return _Look(
+    return _ScanInfo(
         points=len(cloud),
         ranges=np.percentile(range_, [1, 50, 99]) if len(cloud) else np.zeros(3),
         timed=cloud.time is not None,
@@ -201,19 +202,20 @@ def _look(data: Dataset, position: int) -> _Look:
 
 
 def _fields(points: Points) -> tuple[str, ...]:
-    """Each field of a file with its type and values."""
+    """The fields of a file, each with its type and range of values."""
     columns = {"intensity": points.intensity, "ring": points.ring, **points.times}
     found = [_field(name, values) for name, values in columns.items() if values is not None and len(values)]
     return ("x y z", *found, *(["colour"] if points.colour is not None else []))
 
 
 def _field(name: str, values: Array) -> str:
-    digits = 4 if values.dtype.kind == "f" and np.nanmax(np.abs(values)) < 1e4 else 16  # all of a clock's
+    """Name, type and range of values of a field."""
+    digits = 4 if values.dtype.kind == "f" and np.nanmax(np.abs(values)) < 1e4 else 16  # all digits of clock times
     return f"{name} ({values.dtype}, {np.nanmin(values):.{digits}g} to {np.nanmax(values):.{digits}g})"
 
 
 def _elevations(cloud: PointCloud) -> Array:
-    """(R,) degrees: the median of each ring with points, top first."""
+    """Median elevation (R,) [deg] of each ring with points, top first."""
     if cloud.ring is None:
         return np.zeros(0)
     elevation = np.rad2deg(np.arctan2(cloud.xyz[:, 2], np.hypot(cloud.xyz[:, 0], cloud.xyz[:, 1])))
@@ -221,39 +223,41 @@ def _elevations(cloud: PointCloud) -> Array:
 
 
 def _looks_like(elevations: Array) -> str | None:
-    """The built-in LiDAR with as many rings, where these lie on its lines."""
+    """The built-in LiDAR whose lines match the rings, None if none does."""
     from slam.data.sensor_names import SENSORS
 
     for name in SENSORS.names():
         lines = np.rad2deg(SENSORS.load(name)().elevation)
-        if len(lines) == len(elevations) and np.median(np.abs(lines - elevations)) < ALIKE:
+        if len(lines) == len(elevations) and np.median(np.abs(lines - elevations)) < MAX_DIFFERENCE:
             return name
     return None
 
 
-def _rings(data: Dataset, looks: Sequence[_Look]) -> tuple[int | None, str]:
-    """How many rings have returns, and how they are known."""
-    count = max(len(look.elevations) for look in looks)
+def _rings(data: Dataset, inspected: Sequence[_ScanInfo]) -> tuple[int | None, str]:
+    """Number of rings with returns, and the source of the ring indices."""
+    count = max(len(scan.elevations) for scan in inspected)
     if not count:
-        return None, "unknown: to drop rings or to fill them in, name the LiDAR with --sensor"
-    named = f"by the lasers of {data.sensor.name}" if data.sensor else "known to the data set"
-    return count, "by the field ring" if looks[0].ring_field else named
+        return None, "unknown: to drop rings or to enrich, name the LiDAR with --sensor"
+    named = f"from the lasers of {data.sensor.name}" if data.sensor else "of the data set"
+    return count, "from the field ring" if inspected[0].ring_field else named
 
 
-def _times(data: Dataset, looks: Sequence[_Look]) -> str:
-    verdict, timed = getattr(data, "point_times", None), sum(look.timed for look in looks)
+def _times(data: Dataset, inspected: Sequence[_ScanInfo]) -> str:
+    """How the points' times are interpreted."""
+    verdict, timed = getattr(data, "point_times", None), sum(scan.timed for scan in inspected)
     if verdict is None:
-        return f"in {timed} of {len(looks)} scans"
-    return str(verdict.verdict(timed, len(looks))).removeprefix("point times: ")
+        return f"in {timed} of {len(inspected)} scans"
+    return str(verdict.verdict(timed, len(inspected))).removeprefix("point times: ")
 
 
-def _ranges(looks: Sequence[_Look]) -> tuple[float, float, float]:
-    near, middle, far = np.median([look.ranges for look in looks], axis=0)
+def _ranges(inspected: Sequence[_ScanInfo]) -> tuple[float, float, float]:
+    """Median over the scans of the near, median and far range [m]."""
+    near, middle, far = np.median([scan.ranges for scan in inspected], axis=0)
     return float(near), float(middle), float(far)
 
 
 def _truth(poses: Array | None) -> tuple[int, float]:
-    """How many poses (N, 4, 4) are known, and the way between those that follow each other [m]."""
+    """Number of known poses (N, 4, 4), and the travelled distance [m] between successive ones."""
     if poses is None:
         return 0, 0.0
     steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
@@ -261,6 +265,7 @@ def _truth(poses: Array | None) -> tuple[int, float]:
 
 
 def _kinds(problems: Sequence[Problem]) -> tuple[tuple[str, int, str], ...]:
+    """The kinds of the problems, each with its count and first message."""
     kinds: dict[str, list[str]] = {}
     for problem in problems:
         kinds.setdefault(problem.kind, []).append(problem.message)
@@ -268,12 +273,12 @@ def _kinds(problems: Sequence[Problem]) -> tuple[tuple[str, int, str], ...]:
 
 
 def _commands(path: str | Path, options: Mapping[str, object], rings: int | None) -> tuple[str, ...]:
-    """To run it, and to have it filled in where that can be done."""
+    """Commands to run SLAM, and to enrich or compare where the rings allow it."""
     given = "".join(f" --{name} {shlex.quote(str(value))}" for name, value in options.items() if value)
-    drive = f"{shlex.quote(str(path))}{given}"
-    commands = [f"lidarlift run {drive}"]
-    if rings is not None and rings <= FEW_RINGS:
-        commands.append(f"lidarlift run {drive} --input enriched")
-    elif rings == MANY_RINGS:
-        commands.append(f"lidarlift compare {drive}")
+    arguments = f"{shlex.quote(str(path))}{given}"
+    commands = [f"lidarlift run {arguments}"]
+    if rings is not None and rings <= MAX_SPARSE_RINGS:
+        commands.append(f"lidarlift run {arguments} --input enriched")
+    elif rings == DENSE_RINGS:
+        commands.append(f"lidarlift compare {arguments}")
     return tuple(commands)

@@ -1,4 +1,4 @@
-"""A drive run with its settings, and the run folder that is left."""
+"""SLAM over a data set, and its run folder."""
 
 from __future__ import annotations
 
@@ -38,25 +38,26 @@ def run(
 
     Args:
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
-        sequence: Which sequence or drive, where the folder has several.
-        sensor: The LiDAR's name or a YAML file with its beams, where the folder does not say.
-        input: '64', the scans as recorded; '16', rings dropped; or 'enriched', 16 with the rest filled in. By default
+        sequence: Name of the sequence, if the folder has several.
+        sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
+        input: '64': scans as recorded; '16': 16 rings; 'enriched': 16 rings with virtual beams between them. Default:
             as recorded.
-        enricher: The method of enrichment: 'ray-segment', which needs no training; 'lift', our network, the default.
+        enricher: The enrichment method: 'ray-segment' needs no training; 'lift', the default, is our network.
         config: A preset's name, a YAML file, or the result of `load_config`.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
-        frames: Positions in the data set, as in a list's slice.
-        odometry: A file with LiDAR poses of another odometry, one a scan, in place of ours.
-        out: The folder for trajectory, map, metrics and the rest of a run folder; by default nothing is written.
-        strict: Stop at the first damage in the data instead of going on.
-        reporter: Where progress and notes go.
+        frames: Positions in the data set, as a slice of a list.
+        odometry: A file with LiDAR poses of another odometry, one per scan, in place of ours.
+        out: The run folder, for trajectory, map and metrics. Default: nothing is written.
+        strict: Raise an error at the first problem of the data.
+        reporter: Receives progress and notes.
 
     Returns:
-        The poses before and after loops, (N, 4, 4) T_world_lidar each, the map, and what was wrong with the data.
+        The poses T_world_lidar (N, 4, 4) before and after loop closure, the map, and the problems of the data.
 
     Raises:
-        InputError: The data set cannot be read, lacks what is asked for, or `out` cannot be written.
-        ValueError: Arguments are given that would be ignored: of a data set or settings that are complete already.
+        InputError: The data set cannot be read, lacks what the settings require, or `out` cannot be written.
+        ValueError: Arguments would be ignored: `sequence` or `sensor` with an open data set, or settings with a
+            complete configuration.
 
     Example:
         >>> run = lidarlift.run("2011_09_26_drive_0013_sync", input="enriched", enricher="ray-segment", out="runs/13")
@@ -81,15 +82,31 @@ def run_into(
     name: str | None = None,
     strict: bool = False,
 ) -> tuple[Run, RunMetrics | None]:
-    """Write all files of a run folder, by settings that are complete. See `run`.
+    """Run SLAM with complete settings, and write the run folder. See `run`.
 
-    `name` replaces the data set's in progress and plot. The metrics are None without ground truth.
+    Args:
+        folder: The run folder.
+        data: The data set.
+        settings: The settings.
+        frames: Positions in the data set, as a slice of a list.
+        reporter: Receives progress and notes.
+        odometry: A file with LiDAR poses of another odometry, in place of ours.
+        name: Name in progress and plot. Default: that of the data set.
+        strict: Raise an error at the first problem of the data.
+
+    Returns:
+        The run, and its metrics; None without ground truth.
+
+    Raises:
+        InputError: As `run`.
     """
     return _Task(data, settings, frames, odometry, strict, reporter, name).run_into(folder)
 
 
 @dataclass(frozen=True)
 class _Task:
+    """A data set with the settings to run it."""
+
     data: Dataset
     settings: Config
     frames: slice
@@ -111,7 +128,9 @@ class _Task:
 
         make_front_end = front_end_maker(self.settings.front_end, self.data.sensor, self.data.path)
         recorded = RecordedOdometry(self.odometry, len(self.data), self.data.calibration) if self.odometry else None
-        compile_kernels(self.settings, lambda: self.reporter.note("compiling kernels, once: about 20 seconds ..."))
+        compile_kernels(
+            self.settings, lambda: self.reporter.note("compiling kernels, only at the first run: about 20 s ...")
+        )
         with self.reporter.progress(self.title, len(range(len(self.data))[self.frames])) as advance:
             result = Pipeline(self.settings, make_front_end).run(
                 self.data,
@@ -133,12 +152,12 @@ class _Task:
         require_apart(folder, self.data)
         require_writable(folder)
 
-        def keep(run: Run) -> None:
-            if place := save_stopped(run, folder):
-                self.reporter.note(f"stopped after {len(run.records)} frames; their poses are in {place}")
+        def save_partial(run: Run) -> None:
+            if written := save_stopped(run, folder):
+                self.reporter.note(f"stopped after {len(run.records)} frames; the poses are written to {written}")
 
-        # an hour's work is not lost where the rest is stopped
-        result = self.run(on_odometry=lambda run: save_odometry(run, folder), on_stop=keep)
+        # the odometry is saved first, so that it is kept if loops or map fail or are interrupted
+        result = self.run(on_odometry=lambda run: save_odometry(run, folder), on_stop=save_partial)
         save_run(result, folder)
         metrics = evaluate_run(folder)
         plot_run(folder, self.title)

@@ -1,4 +1,4 @@
-"""Odometry: the sensor's pose scan by scan, begun with several hypotheses of how it moves."""
+"""LiDAR odometry: the sensor's pose scan by scan, with several hypotheses of the first motion."""
 
 from __future__ import annotations
 
@@ -9,77 +9,88 @@ from slam.data.cloud import Array, PointCloud
 from slam.settings import OdometrySettings
 from slam.track import OdometryStep, Target, Track
 
-WEIGHED = 8  # scans after the first by which the hypotheses are judged
-HOPELESS = 0.5  # of the best one's evidence: a hypothesis with less is given up
+COMPARED_SCANS = 8  # after the first, after which the best hypothesis is chosen
+MIN_RELATIVE_EVIDENCE = 0.5  # to the best hypothesis; below it a hypothesis is rejected
 
 __all__ = ["Odometry", "OdometryStep"]
 
 
 class Odometry:
-    """Registers scans one after the other, as `Track` does.
+    """Registers successive scans, as `Track` does, and resolves the ambiguity of the first motion.
 
-    How a drive begins is not known, and two scans often fit each other in more than one way: as if the sensor stood
-    still among its own rings, moved with the lorries around it, or had gone one post of a railing further. So the first
-    scans are registered by every motion that the second allows, and the one that finds most evidence in them is kept.
-    Their poses are `provisional` until then; the step that ends it has them `revised`.
+    The initial velocity is unknown, and two scans often fit in several ways: without motion, since the ring patterns
+    coincide; with the motion of the lorries around the sensor; or shifted by one post of a railing. So the first scans
+    are registered with every motion that fits the second scan, and the hypothesis with the most evidence is kept. Until
+    then the poses are `provisional`; the step that ends this beginning has the `revised` ones.
+
+    Args:
+        settings: Settings of the odometry.
+        sweep_duration: Duration of a sweep [s].
+        vertical_correction: Angle [rad] added to each elevation.
     """
 
     def __init__(
         self, settings: OdometrySettings, *, sweep_duration: float = 0.1, vertical_correction: float = 0.0
     ) -> None:
         track = Track(settings, sweep_duration=sweep_duration, vertical_correction=vertical_correction)
-        self._tracks = [track]  # the best first
+        self._tracks = [track]  # best first
         self._steps: dict[Track, list[OdometryStep]] = {track: []}  # provisional ones
-        # evidence tells hypotheses apart where a map holds by surfaces; from scan to scan there is nothing to weigh
-        self._beginning = settings.target == "map" and settings.information == "surface"
+        # the evidence needs surface information and a map: it is no criterion from scan to scan
+        self._initialising = settings.target == "map" and settings.information == "surface"
 
     @property
     def settings(self) -> OdometrySettings:
+        """Settings of the odometry."""
         return self._tracks[0].settings
 
     @property
     def sizes(self) -> Sizes | None:
-        """Of cells and thinning, once the first scan has told them."""
+        """Cell and voxel sizes; None before the first scan."""
         return self._tracks[0].sizes
 
     @property
     def target(self) -> Target | None:
-        """The map that scans are registered against, once there is one."""
+        """Target of the registration; None before the first scan."""
         return self._tracks[0].target
 
     def predict(self, stamp: float) -> Array:
-        """Pose (4, 4) at `stamp` if the velocity has stayed as it was at the last registered scan."""
+        """Return the pose (4, 4) at `stamp` for a constant velocity since the last registered scan."""
         return self._tracks[0].predict(stamp)
 
     def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
-        """Pose of the next scan: points as recorded, taken at `stamp` [s]."""
-        if not self._beginning or self._tracks[0].scans == 0:
+        """Register the next scan.
+
+        Args:
+            cloud: Points as recorded.
+            stamp: Time of the scan [s].
+        """
+        if not self._initialising or self._tracks[0].scans == 0:
             return self._tracks[0].register(cloud, stamp)
         if len(self._tracks) == 1:
-            branches = self._tracks[0].branches(cloud, stamp)
-            if not branches:
+            hypotheses = self._tracks[0].hypotheses(cloud, stamp)
+            if not hypotheses:
                 return self._tracks[0].register(cloud, stamp)
         else:
-            branches = [(track, track.register(cloud, stamp)) for track in self._tracks]
-        return self._weighed(branches)
+            hypotheses = [(track, track.register(cloud, stamp)) for track in self._tracks]
+        return self._best_step(hypotheses)
 
     def settle(self) -> tuple[OdometryStep, ...]:
-        """End the beginning: the steps that were provisional, as the best hypothesis has them."""
+        """Choose the best hypothesis; return its steps in place of the provisional ones."""
         best = self._tracks[0]
-        best.weighing = False
-        self._tracks, self._beginning = [best], False
+        best.competing = False
+        self._tracks, self._initialising = [best], False
         return tuple(self._steps.pop(best, ()))
 
-    def _weighed(self, branches: list[tuple[Track, OdometryStep]]) -> OdometryStep:
-        """The step of the best hypothesis, after the hopeless ones are given up."""
+    def _best_step(self, hypotheses: list[tuple[Track, OdometryStep]]) -> OdometryStep:
+        """Reject hypotheses with little evidence; return the step of the best one."""
         before = self._steps
-        self._steps = {track: [*before.get(track, []), step] for track, step in branches}
-        most = max(track.evidence for track in self._steps)
-        kept = [track for track in self._steps if track.evidence >= HOPELESS * most]
+        self._steps = {track: [*before.get(track, []), step] for track, step in hypotheses}
+        max_evidence = max(track.evidence for track in self._steps)
+        kept = [track for track in self._steps if track.evidence >= MIN_RELATIVE_EVIDENCE * max_evidence]
         self._tracks = sorted(kept, key=lambda track: -track.evidence)
         best = self._tracks[0]
-        going_on = self._steps[best][-1].status != "failed"
-        if going_on and len(kept) > 1 and len(self._steps[best]) < WEIGHED:
+        ongoing = self._steps[best][-1].status != "failed"
+        if ongoing and len(kept) > 1 and len(self._steps[best]) < COMPARED_SCANS:
             return replace(self._steps[best][-1], provisional=True)
         *earlier, step = self.settle()
         return replace(step, revised=tuple(earlier))

@@ -1,4 +1,4 @@
-"""SLAM frame by frame, live or over a data set: the line that everything else hangs on."""
+"""SLAM frame by frame, live or over a data set."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ from slam.run import FrameRecord, Run, Source
 from slam.settings import Config, FrontEndSettings
 from slam.tracking import PoseSource, Tracker
 
-SWEEP = 0.1  # s; spinning LiDARs turn ten times a second
-LEAST_SWEEP = 0.04  # s; hardly one turns faster
-LONGEST_SPAN = 5.0  # sweeps that a scan's points may be apart
+SWEEP = 0.1  # s; most spinning LiDARs rotate at 10 Hz
+MIN_SWEEP = 0.04  # s; hardly any LiDAR rotates faster
+MAX_SPAN = 5.0  # sweeps between the first and the last point of a scan
 
 
 class Slam:
     """LiDAR SLAM, one frame after the other.
 
-    Each frame passes the front end and the odometry at once; keyframes, loop closures and the pose graph follow in a
-    thread of their own. Results repeat bit for bit: they depend on the frames, never on the timing.
+    Front end and odometry process each frame immediately; keyframes, loop closures and the pose graph follow in a
+    separate thread. Results are deterministic, bit for bit: they depend on the frames, not on the timing.
 
     Use it in a `with` statement, so that an exception stops the thread.
 
     Args:
-        config: The settings; by default `Config()`.
-        front_end: Makes the cloud that is registered, of this run alone; by default the rings that `config` asks for.
-        source: Where the frames come from, for the run folder.
-        sweep_duration: Seconds from scan to scan, where none is missing.
-        odometry: What gives the poses; by default our odometry with the settings of `config`.
-        strict: Stop at the first problem of a frame.
+        config: The settings. Default: `Config()`.
+        front_end: Makes the cloud that is registered, for this run only. Default: the rings set by `config`.
+        source: Origin of the frames, for the run folder.
+        sweep_duration: Time [s] between successive scans, without missing scans.
+        odometry: Source of the poses. Default: our odometry with the settings of `config`.
+        strict: Raise an error at the first problem of a frame.
 
     Raises:
-        InputError: `config` asks for rings that the sensor does not have.
-        ValueError: `config` asks for enriched input and no front end that enriches is given.
+        InputError: `config` requires rings that the sensor does not have.
+        ValueError: `config` requires enriched input, and no front end that enriches is given.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Slam:
         config, source = config or Config(), source or Source()
         if front_end is None and config.front_end.input == "enriched":
             raise ValueError(
-                "input 'enriched' needs a front end that enriches: lidarlift.run and lidarlift.Slam have it"
+                "input 'enriched' requires a front end that enriches; lidarlift.run and lidarlift.Slam have one"
             )
         angle = vertical_correction(config.front_end, source.sensor)
         self.result = Run(source, config, angle)
@@ -79,8 +79,8 @@ class Slam:
             config.front_end.deskew,
         )
         self._mapper = Mapper(config)
-        self._waiting: list[tuple[int, Frame, PointCloud]] = []  # whose poses are provisional, with their positions
-        self._images: list[ImageFile] = []  # that seemed sound, and may turn out to be damaged when they are read
+        self._waiting: list[tuple[int, Frame, PointCloud]] = []  # with provisional poses; their positions
+        self._images: list[ImageFile] = []  # without a problem so far; reading them may find damage
         self._centres: list[Array] = []
         self._sweep_duration, self._strict = sweep_duration, strict
 
@@ -96,36 +96,36 @@ class Slam:
         """Register the next frame.
 
         Args:
-            frame: Points as recorded, in the sensor's frame, with their stamp, and the image beside them. The pose is
-                that of the sensor at the stamp; the points' times count from there, in seconds.
-            load_milliseconds: How long reading it took, for the timings.
+            frame: Points as recorded, in the sensor's frame, with their stamp, and the image. The pose is that of the
+                sensor at the stamp; the points' times are in seconds relative to the stamp.
+            load_milliseconds: Time [ms] to read the frame, for the timings.
 
         Returns:
-            Pose, covariance and status at once, before any loop that this frame may close. At the beginning of a drive
-            they may be put right a few frames later, in `result.records`.
+            Pose, covariance and status, before any loop that this frame may close. At the beginning of a sequence they
+            may be revised a few frames later, in `result.records`.
 
         Raises:
-            InputError: The stamp is no number; the points' times are no seconds; deskewing was asked for and the points
-                have no times; or `strict` met a problem.
-            ValueError: `finish` was called before.
+            InputError: The stamp is not finite; the points' times are not in seconds; deskewing is required and the
+                points have no times; or `strict` is set and the frame has a problem.
+            ValueError: The run is finished.
         """
         if self.result.mapping:
-            raise ValueError("this run is finished; begin another one")
+            raise ValueError("the run is finished; create another Slam")
         if not np.isfinite(frame.stamp):
-            raise InputError(f"frame {frame.index}: its stamp is {frame.stamp}; give the scan's time in seconds")
+            raise InputError(f"frame {frame.index}: the stamp is {frame.stamp}; give the scan's time in seconds")
         _check_times(frame, self._sweep_duration)
         before = self.result.records[-1] if self.result.records else None
         problems = (*frame.problems, *stamp_problems(frame, before, self._sweep_duration))
-        _refuse(problems, self._strict)
+        _raise_if_strict(problems, self._strict)
         self.result.problems.extend(problems)
         unread = frame.read_image if isinstance(frame.read_image, ImageFile) else None
         if unread is not None and unread.problem is not None:
-            unread = None  # among the frame's problems already
+            unread = None  # already one of the frame's problems
         self._centres.append(centre(frame.cloud.xyz))
         tracked = self._tracker(frame)
         if unread is not None:
             self._images.append(unread)
-            self._note_images([unread])
+            self._add_image_problems([unread])
         self.result.timed += tracked.timed
         self.result.sizes = self._tracker.sizes
 
@@ -133,53 +133,56 @@ class Slam:
         laps = {"load": load_milliseconds, **tracked.milliseconds}
         points = len(tracked.cloud)
         self.result.records.append(
-            FrameRecord(frame.index, frame.stamp, **_answer(step), points=points, milliseconds=laps)
+            FrameRecord(frame.index, frame.stamp, **_record_fields(step), points=points, milliseconds=laps)
         )
         self._waiting.append((position, frame, tracked.cloud))
         begin = time.perf_counter()
         if not step.provisional:
-            self._hand_on((*step.revised, step))
+            self._pass_to_mapper((*step.revised, step))
         laps["waiting"] = 1e3 * (time.perf_counter() - begin)
         return self.result.records[-1]
 
-    def _hand_on(self, steps: tuple[OdometryStep, ...]) -> None:
-        """The frames that waited go to the mapper, and into the records, as their poses are now known to be."""
+    def _pass_to_mapper(self, steps: tuple[OdometryStep, ...]) -> None:
+        """Pass the waiting frames to the mapper with their final odometry poses, and update the records."""
         for (position, frame, cloud), step in zip(self._waiting, steps, strict=True):
-            self.result.records[position] = replace(self.result.records[position], **_answer(step))
+            self.result.records[position] = replace(self.result.records[position], **_record_fields(step))
             self._mapper.add(position, frame, cloud, step)
         self._waiting.clear()
 
     def trajectory(self) -> Array:
-        """(N, 4, 4) T_world_lidar of all frames so far, by the loops that are closed so far; the first is the identity.
+        """Return T_world_lidar (N, 4, 4) of all frames so far, with all loops closed so far; the first is the identity.
 
-        Waits until the keyframes so far are searched for loops: a few frames' time. Nothing later changes by asking.
+        Waits until all keyframes so far are searched for loops, the time of a few frames. Later results do not depend
+        on calls of this method.
         """
         return self.result.poses if self.result.mapping else self._mapper.corrected(self.result.odometry_poses)
 
     def finish(self) -> Run:
-        """Search the last keyframes for loops, judge all loops together, and build the map."""
+        """Close the last loops, select the consistent loops jointly, and build the map; return the result."""
         if self.result.mapping is None:
-            self._hand_on(self._tracker.settle())
+            self._pass_to_mapper(self._tracker.settle())
             self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
             self._mapper.close()
-            self._note_images(self._images)
+            self._add_image_problems(self._images)
             self.result.problems.extend(world_frame_problem(np.array(self._centres), self.result.odometry_poses))
         return self.result
 
-    def _note_images(self, images: Sequence[ImageFile]) -> None:
-        """What reading showed of images that seemed sound is a problem of the run, once."""
+    def _add_image_problems(self, images: Sequence[ImageFile]) -> None:
+        """Add the problems found while reading images to the run, each once."""
         problems = [image.problem for image in images if image.problem]
         if problems:
             self._images = [image for image in self._images if image.problem not in problems]
-        _refuse(problems, self._strict)
+        _raise_if_strict(problems, self._strict)
         self.result.problems.extend(problems)
 
 
 class Pipeline:
-    """Runs a configuration over data sets, as often as one likes: nothing outlives a run.
+    """Runs a configuration over data sets; runs are independent of each other.
 
-    `make_front_end` makes the front end of each run, in place of the rings that the configuration asks for; a front end
-    may learn from the scans that it is shown.
+    Args:
+        config: The settings. Default: `Config()`.
+        make_front_end: Creates the front end of each run, since a front end may adapt to its scans. Default: the rings
+            set by the configuration.
     """
 
     def __init__(self, config: Config | None = None, make_front_end: Callable[[], FrontEnd] | None = None) -> None:
@@ -196,21 +199,22 @@ class Pipeline:
         on_odometry: Callable[[Run], None] | None = None,
         on_stop: Callable[[Run], None] | None = None,
     ) -> Run:
-        """Feed the frames of a data set to `Slam`.
+        """Run `Slam` over the frames of a data set.
 
         Args:
-            dataset: The drive.
+            dataset: The data set.
             frames: Positions in the data set, as in a list's slice.
-            recorded: Poses of another odometry, which take the place of ours.
-            strict: Stop at the first problem of the data.
+            recorded: Poses of another odometry, in place of ours.
+            strict: Raise an error at the first problem of the data.
             on_frame: Called after each frame.
-            on_odometry: Called when all frames are registered. Judging the loops and building the map follow, and may
-                take minutes.
-            on_stop: Called with what is known where an exception, Ctrl-C among them, ends the run before that; not
-                where `strict` does, which asks for all or nothing.
+            on_odometry: Called when all frames are registered. The selection of loops and the map follow, and may take
+                minutes.
+            on_stop: Called with the incomplete result if an exception, such as Ctrl-C, ends the run before that; not if
+                `strict` ends it.
 
         Raises:
-            InputError: No frames are left, a step asks for what the data do not have, or `strict` met a problem.
+            InputError: No frames are selected, the data lack what a step requires, or `strict` is set and there is a
+                problem.
         """
         source = source_of(dataset, frames)
         positions = source.positions or range(0)
@@ -221,7 +225,7 @@ class Pipeline:
         front_end = self.make_front_end() if self.make_front_end else None
         slam = Slam(self.config, front_end, source=source, sweep_duration=sweep, odometry=odometry, strict=strict)
         problems = (*dataset.problems, *(recorded.problems if recorded else ()))
-        _refuse(problems, strict)
+        _raise_if_strict(problems, strict)
         slam.result.problems.extend(problems)
         with slam:
             try:
@@ -239,8 +243,8 @@ class Pipeline:
             return slam.finish()
 
 
-def _answer(step: OdometryStep) -> dict[str, Any]:
-    """What a record has of the odometry's step."""
+def _record_fields(step: OdometryStep) -> dict[str, Any]:
+    """The fields of a record from the odometry's step."""
     return {
         "pose": step.pose,
         "covariance": step.covariance,
@@ -251,7 +255,11 @@ def _answer(step: OdometryStep) -> dict[str, Any]:
 
 
 def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
-    """The frames of a data set as the source of a run. Raises InputError where none are left."""
+    """Return the source of a run: the selected frames of a data set.
+
+    Raises:
+        InputError: No frames are selected.
+    """
     positions = chosen_positions(dataset, frames)
     truth = None if dataset.ground_truth is None else dataset.ground_truth[positions]
     return Source(
@@ -268,17 +276,19 @@ def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
 
 
 def vertical_correction(settings: FrontEndSettings, sensor: Sensor | None) -> float:
-    """Angle [rad] that every elevation is raised by: the settings', else the sensor's own."""
+    """Return the angle [rad] added to each elevation: that of the settings, else that of the sensor."""
     own = sensor.vertical_correction if sensor else 0.0
     angle = settings.vertical_correction_deg
     return own if angle is None else float(np.deg2rad(angle))
 
 
 def sweep_duration(dataset: Dataset, stamps: Array | None = None) -> float:
-    """Seconds from scan to scan, where none is missing: the usual step between the stamps.
+    """Return the time [s] between successive scans: the usual step between the stamps.
 
-    `stamps` (N,) [s] take the place of the data set's own. Of a drive with scans missing, a data set may know better
-    (`scan_period`).
+    Args:
+        dataset: The data set; its attribute `scan_period`, if it has one, is used before its stamps, since scans may be
+            missing.
+        stamps: Times (N,) [s] in place of those of the data set.
     """
     if stamps is not None:
         return usual_step(stamps) or SWEEP
@@ -286,38 +296,39 @@ def sweep_duration(dataset: Dataset, stamps: Array | None = None) -> float:
 
 
 def _check_times(frame: Frame, sweep: float) -> None:
-    """Raise InputError where points' times cannot be seconds from the stamp: they would span many sweeps."""
+    """Raise InputError if the points' times span many sweeps, and so cannot be seconds relative to the stamp."""
     time = frame.cloud.time
     if time is None or len(time) == 0:
         return
     first, last = float(time.min()), float(time.max())
-    if not last - first <= LONGEST_SPAN * max(sweep, LEAST_SWEEP):
+    if not last - first <= MAX_SPAN * max(sweep, MIN_SWEEP):
         raise InputError(
-            f"frame {frame.index}: its points' times span {last - first:.3g} s, where a sweep takes about {sweep:.2g}; "
-            "give seconds from the scan's stamp, neither fractions of the sweep nor other units"
+            f"frame {frame.index}: the points' times span {last - first:.3g} s, and a sweep takes about {sweep:.2g} s; "
+            "give times in seconds relative to the stamp, not fractions of the sweep or other units"
         )
 
 
 class RefusedError(InputError):
-    """The data have a problem, and the caller asked to stop at the first."""
+    """The data have a problem, and `strict` is set."""
 
 
-def _refuse(problems: Sequence[Problem], strict: bool) -> None:
+def _raise_if_strict(problems: Sequence[Problem], strict: bool) -> None:
+    """Raise the first problem if `strict` is set."""
     if strict and problems:
         raise RefusedError(problems[0].message)
 
 
 def _read_ahead(dataset: Dataset, positions: range) -> Iterator[tuple[Frame, float]]:
-    """Frames in order, the next one read while the present one is worked on, with the milliseconds that it took."""
+    """Yield the frames in order, each with its read time [ms]; the next frame is read in the background."""
 
     def read(position: int) -> tuple[Frame, float]:
         begin = time.perf_counter()
         return dataset[position], 1e3 * (time.perf_counter() - begin)
 
     with ThreadPoolExecutor(1, "read-ahead") as reader:
-        coming = deque([reader.submit(read, positions[0])])
+        pending = deque([reader.submit(read, positions[0])])
         for position in (*positions[1:], None):
-            present = coming.popleft().result()
+            frame = pending.popleft().result()
             if position is not None:
-                coming.append(reader.submit(read, position))
-            yield present
+                pending.append(reader.submit(read, position))
+            yield frame

@@ -167,4 +167,4 @@ class Run:
             if record.status == "degenerate":
                 motion = (se3.inverse(poses[number]) @ poses[max(number - 1, 0)])[:3, 3]
                 found.append(degeneracy.directions(record.unobserved, motion))
-        return [degeneracy.sentence(found, len(self.records))] if found else []
+        return [degeneracy.summary(found, len(self.records))] if found else []

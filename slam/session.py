@@ -1,7 +1,7 @@
-"""The run folder: what a run leaves on disk, each file whole or not there, and all of one run.
+"""The run folder: each file is complete or missing, and all files are of one run.
 
-An earlier run's results go as soon as there are new ones, run.json first; the new one comes last. So a folder with a
-run.json is finished; one without holds what was known when the run was stopped.
+The results of an earlier run are removed when there are new ones, run.json first; the new run.json is written last. So
+a folder with a run.json has a finished run; a folder without it has the odometry of a stopped run.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from slam.graph.ledger import csv_text
 from slam.mapping.picture import map_png
 from slam.run import STAGES, Run
 
-RESULTS = (  # what waits for loops and map
+RESULTS = (  # written after loops and map
     "run.json",
     "metrics.json",
     "trajectory.png",
@@ -44,9 +44,10 @@ PACKAGES = ("lidarlift", "numpy", "numba", "scipy", "gtsam", "onnxruntime", "ope
 
 
 def save_odometry(run: Run, folder: str | Path) -> None:
-    """Write what is known before loops are judged: odometry, truth and timings; an earlier run's results go.
+    """Write odometry, ground truth and timings, and remove an earlier run's results.
 
-    Raises InputError where the folder cannot be written.
+    Raises:
+        InputError: The folder cannot be written.
     """
     folder = Path(folder)
     if folder.is_dir():
@@ -58,12 +59,12 @@ def save_odometry(run: Run, folder: str | Path) -> None:
 
 
 def save_stopped(run: Run, folder: str | Path) -> Path | None:
-    """Write what `save_odometry` writes of a run that was stopped, so that its poses so far are not lost.
+    """Write the odometry of a stopped run, as `save_odometry` does, so that its poses are not lost.
 
-    Where the folder holds a finished run, that one stays, and this goes beside it, into FOLDER-stopped.
+    If the folder has a finished run, that run is kept, and FOLDER-stopped is written beside it.
 
     Returns:
-        The folder; None where there is nothing to write, or it cannot be written.
+        The folder; None if there are no frames, or the folder cannot be written.
     """
     folder = Path(folder)
     if (folder / "run.json").exists():
@@ -73,13 +74,17 @@ def save_stopped(run: Run, folder: str | Path) -> Path | None:
     try:
         run.settle_truth()
         save_odometry(run, folder)
-    except InputError:  # the disk may be what stopped it
+    except InputError:  # the disk may be the reason for the stop
         return None
     return folder
 
 
 def save_run(run: Run, folder: str | Path) -> Path:
-    """Write what `save_odometry` writes, trajectory, loops, map and, last, run.json. Raises InputError likewise."""
+    """Write the run folder: odometry, trajectory, loops, map and, last, run.json; return the folder.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
     folder = Path(folder)
     save_odometry(run, folder)
     _write_poses(run, folder, "trajectory", run.poses)
@@ -89,12 +94,16 @@ def save_run(run: Run, folder: str | Path) -> Path:
 
 
 def read_report(folder: Path) -> dict[str, Any]:
-    """run.json of a run folder. Raises InputError where it is not there or not whole."""
+    """Return the content of a run folder's run.json.
+
+    Raises:
+        InputError: The file is missing or damaged.
+    """
     path = folder / "run.json"
     try:
         return dict(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: no run to read here ({error}); name a folder that `lidarlift run` wrote") from error
+        raise InputError(f"{path}: not a run ({error}); give a folder written by `lidarlift run`") from error
 
 
 def _write_poses(run: Run, folder: Path, name: str, poses: Array) -> None:
@@ -103,7 +112,7 @@ def _write_poses(run: Run, folder: Path, name: str, poses: Array) -> None:
 
 
 def _write_mapping(run: Run, folder: Path) -> None:
-    """The map, its picture, the loops and the graph; without keyframes there are none."""
+    """Write map, picture, loops and graph; nothing without keyframes."""
     mapping = run.mapping
     if mapping is None or len(mapping.keyframes) == 0:
         return
@@ -122,12 +131,15 @@ def _write_ground_truth(run: Run, folder: Path) -> None:
     if known.sum() >= 2:
         write_text(path, tum_text(stamps[: len(truth)][known], truth[known]))
     else:
-        path.unlink(missing_ok=True)  # an earlier run's, of another drive
+        path.unlink(missing_ok=True)  # of an earlier run
 
 
 def _timings_csv(run: Run) -> str:
-    """A row a frame. `unobserved_along` and `unobserved_about` say where a degenerate scan does not hold the pose: unit
-    vectors 'x y z' in the sensor's axes, of motion and of the axis of a turn; where there are several, '; ' between."""
+    """A row per frame.
+
+    `unobserved_along` and `unobserved_about` are the unobservable directions of a degenerate scan: unit vectors 'x y z'
+    of translations and of axes of rotation, in the sensor's axes, separated by '; '.
+    """
     stages = ",".join(f"{stage}_ms" for stage in STAGES)
     rows = [f"frame,stamp_s,status,unobserved_along,unobserved_about,inlier_ratio,points,{stages}"]
     for record in run.records:
@@ -141,7 +153,7 @@ def _timings_csv(run: Run) -> str:
 
 
 def _vectors(vectors: Array) -> str:
-    """(M, 3) as text; + 0.0 makes -0 0."""
+    """Vectors (M, 3) as text; + 0.0 turns -0 into 0."""
     return "; ".join(" ".join(f"{value:.3f}" for value in vector.round(3) + 0.0) for vector in vectors)
 
 
@@ -183,7 +195,7 @@ def _report(run: Run) -> dict[str, Any]:
 
 
 def _loops(run: Run) -> dict[str, int]:
-    """Keyframes, candidates that were registered, and how many of them are loops."""
+    """Numbers of keyframes, registered candidates and accepted loops."""
     if run.mapping is None:
         return {}
     mapping = run.mapping
@@ -199,7 +211,7 @@ def _matrix(T: Array | None) -> list[list[float]] | None:
 
 
 def _versions() -> dict[str, str]:
-    """Of Python and of those of PACKAGES that are installed: Open3D, for one, has two names."""
+    """Versions of Python and of the installed PACKAGES; Open3D has two names."""
     installed = {"python": platform.python_version()}
     for name in PACKAGES:
         with suppress(metadata.PackageNotFoundError):

@@ -1,4 +1,4 @@
-"""Front end and odometry, frame by frame: what is known of a frame at once."""
+"""Tracking: front end and odometry, frame by frame."""
 
 from __future__ import annotations
 
@@ -16,24 +16,35 @@ from slam.odometry import OdometryStep
 
 
 class PoseSource(Protocol):
-    """Poses scan by scan: our `Odometry`, or `RecordedSteps`, which has them from a file."""
+    """Source of the pose of each scan: `Odometry`, or `RecordedSteps` with poses from a file."""
 
     @property
-    def sizes(self) -> Sizes | None: ...
-    def predict(self, stamp: float) -> Array: ...
-    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep: ...
-    def settle(self) -> tuple[OdometryStep, ...]: ...
+    def sizes(self) -> Sizes | None:
+        """Cell and voxel sizes; None before the first scan."""
+        ...
+
+    def predict(self, stamp: float) -> Array:
+        """Return the predicted pose (4, 4) at `stamp` [s]."""
+        ...
+
+    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
+        """Register the next scan, with points as recorded, at `stamp` [s]."""
+        ...
+
+    def settle(self) -> tuple[OdometryStep, ...]:
+        """End the beginning; return the revised steps in place of the provisional ones."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """A frame whose pose is known.
+    """A frame with its pose.
 
     Attributes:
-        cloud: What the front end made of the frame, as recorded.
-        step: The odometry's answer.
-        timed: Whether the cloud had times to be deskewed by.
-        milliseconds: Of the stages 'front_end' and 'odometry'.
+        cloud: The front end's cloud, as recorded.
+        step: The odometry's result.
+        timed: Whether the cloud had times and could be deskewed.
+        milliseconds: Time [ms] of the stages 'front_end' and 'odometry'.
     """
 
     cloud: PointCloud
@@ -43,54 +54,61 @@ class Tracked:
 
 
 class Tracker:
-    """Hands each frame to the front end, with the past as the odometry places it, and the cloud to the odometry.
+    """Passes each frame to the front end, with the last clouds in the predicted frame, and the cloud to the odometry.
 
     Args:
         front_end: Makes the cloud that is registered.
-        odometry: Gives the poses.
-        deskew: False: points are taken without their times; True: every scan has to have them; None: where they are.
+        odometry: Source of the poses.
+        deskew: True: deskew, and require times in every scan; False: do not deskew; None: deskew scans with times.
     """
 
     def __init__(self, front_end: FrontEnd, odometry: PoseSource, deskew: bool | None = None) -> None:
         self._front_end, self._odometry, self._deskew = front_end, odometry, deskew
-        self._past: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
+        self._recent: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
 
     def __call__(self, frame: Frame) -> Tracked:
-        """Track the next frame. Raises InputError where deskewing was asked for and its points have no times."""
+        """Track the next frame.
+
+        Raises:
+            InputError: Deskewing is required and the points have no times.
+        """
         begin = time.perf_counter()
         cloud = self._front_end(frame, self._history(frame.stamp))
         between = time.perf_counter()
         scan = self._with_times(cloud, frame)
         step = self._odometry.register(scan, frame.stamp)
         end = time.perf_counter()
-        self._past.append((cloud, step.pose))
+        self._recent.append((cloud, step.pose))
         self._revise(step.revised)
         laps = {"front_end": 1e3 * (between - begin), "odometry": 1e3 * (end - between)}
         return Tracked(cloud, step, scan.time is not None, laps)
 
     @property
     def sizes(self) -> Sizes | None:
-        """Of the odometry's cells and thinning, once a scan has told them; None where poses are recorded."""
+        """Cell and voxel sizes of the odometry; None before the first scan and for recorded poses."""
         return self._odometry.sizes
 
     def settle(self) -> tuple[OdometryStep, ...]:
-        """See `Odometry.settle`: no scan follows that could put the first poses right."""
+        """End the beginning, as `Odometry.settle` does: no further scan follows."""
         return self._odometry.settle()
 
     def _revise(self, steps: tuple[OdometryStep, ...]) -> None:
-        """The poses of the past clouds before the last one, as they are now known to be."""
+        """Replace the poses of the history, except that of the last cloud, by the revised ones."""
         for back, step in enumerate(reversed(steps), start=2):
-            if back <= len(self._past):
-                self._past[-back] = self._past[-back][0], step.pose
+            if back <= len(self._recent):
+                self._recent[-back] = self._recent[-back][0], step.pose
 
     def _history(self, stamp: float) -> History:
-        """The past clouds, each with T_now_then, as the odometry predicts the pose at `stamp`."""
+        """The last clouds, each with its T_now_then for the predicted pose at `stamp`."""
         now_world = se3.inverse(self._odometry.predict(stamp))
-        return [(then, now_world @ pose) for then, pose in self._past]
+        return [(then, now_world @ pose) for then, pose in self._recent]
 
     def _with_times(self, cloud: PointCloud, frame: Frame) -> PointCloud:
+        """The cloud with or without times, as `deskew` requires."""
         if self._deskew is False:
             return replace(cloud, time=None)
         if self._deskew and cloud.time is None and len(cloud):
-            raise InputError(f"frame {frame.index}: its points have no times to deskew by; leave front_end.deskew out")
+            raise InputError(
+                f"frame {frame.index}: the points have no times, so deskewing is impossible; omit front_end.deskew"
+            )
         return cloud

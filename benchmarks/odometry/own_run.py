@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.odometry import inputs
 from benchmarks.odometry.systems import our_odometry
-from slam.cell_sizes import sized
+from slam.cell_sizes import choose_sizes
 from slam.config import load_config
 from slam.data.cloud import Array, Frame
 from slam.data.dataset import Dataset
@@ -48,7 +48,7 @@ def settings_of(name: str, data: Dataset, overrides: Sequence[str] = ()) -> Odom
 
 def base_sizes(name: str, data: Dataset, first: Frame) -> dict[str, Any]:
     """Cells and voxels [m] of the odometry on an input of a drive that begins with `first`, by their names."""
-    sizes = sized(settings_of(name, data), inputs.front_end(name, data)(first, ()).xyz)
+    sizes = choose_sizes(settings_of(name, data), inputs.front_end(name, data)(first, ()).xyz)
     return {size: getattr(sizes, size) for size in ("cell_sizes", "voxel_size", "map_voxel_size")}
 
 

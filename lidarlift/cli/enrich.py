@@ -1,4 +1,4 @@
-"""`lidarlift enrich`: a drive's scans with what lies between their rings filled in."""
+"""`lidarlift enrich`: enriched scans of a data set, as files."""
 
 from __future__ import annotations
 
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 
 class Format(StrEnum):
+    """File format of the clouds."""
+
     BIN = "bin"
     PCD = "pcd"
     PLY = "ply"
@@ -36,11 +38,11 @@ class Format(StrEnum):
 
 def enrich(
     dataset: DatasetArgument,
-    out: Annotated[Path, typer.Option(help="The folder for the clouds, one a scan, named as the scans are numbered.")],
+    out: Annotated[Path, typer.Option(help="Folder for the clouds, one file per scan, named by the scan's number.")],
     sequence: SequenceOption = None,
     format: Annotated[
         Format,
-        typer.Option(help="bin: x y z intensity, as KITTI; pcd and ply: also ring, time, sigma and measured."),
+        typer.Option(help="bin: x y z intensity, as in KITTI; pcd and ply: also ring, time, sigma and measured."),
     ] = Format.PCD,
     enricher: EnricherOption = None,
     config: ConfigOption = None,
@@ -49,12 +51,12 @@ def enrich(
     sensor: SensorOption = None,
     columns: ColumnsOption = None,
 ) -> None:
-    """Write the scans of 16 rings, with the rest of about 64 filled in; each point with its sigma.
+    """Write enriched scans: 16 measured rings and virtual beams, about 64 in total; each point has a sigma.
 
     Example: `lidarlift enrich kitti/sequences/04 --out enriched/04 --frames 0:10 --format ply`
 
-    Of 64-ring scans every fourth ring is taken (front_end.phase, front_end.drop); of other sensors all. The clouds are
-    as recorded: neither deskewed nor vertically corrected.
+    64-ring scans are reduced to every fourth ring (front_end.phase, front_end.drop); scans of other sensors keep all
+    rings. The clouds are neither deskewed nor vertically corrected.
     """
     from slam.data.dataset import open_dataset
     from slam.data.images import found_in_reading
@@ -75,13 +77,17 @@ def enrich(
                 empty += 1
             advance()
     note_problems(problems, Console(), "")
-    print(f"{done} scans: {measured // max(done, 1):,} measured points a scan became {total // max(done, 1):,}")
+    print(
+        f"{done} scans enriched: {measured // max(done, 1):,} measured points per scan, "
+        f"{total // max(done, 1):,} with the predicted points"
+    )
     if empty:
-        print(f"{empty} scans were empty, damaged or off the laser lines, and have no file")
+        print(f"{empty} scans were empty, damaged or not on the laser lines, and have no file")
     print(f"Written to {out}")
 
 
 def _write(path: Path, cloud: PointCloud) -> None:
+    """Write a cloud in the format of the file's suffix."""
     import numpy as np
 
     from slam.data.atomic import written_beside

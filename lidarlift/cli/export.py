@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 
 class Format(StrEnum):
+    """File format of the trajectory or map."""
+
     KITTI = "kitti"
     TUM = "tum"
     PCD = "pcd"
@@ -25,19 +27,21 @@ class Format(StrEnum):
 
 
 class Axes(StrEnum):
+    """Coordinate frame of the output."""
+
     LIDAR = "lidar"
     CAMERA = "camera"
 
 
 def export(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A folder that `lidarlift run` wrote.")],
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A folder written by `lidarlift run`.")],
     out: Annotated[Path, typer.Argument(help="The file to write.")],
     format: Annotated[
         Format | None,
-        typer.Option(help="kitti or tum: the trajectory; pcd, ply, las or laz: the map. Default: by the suffix."),
+        typer.Option(help="kitti or tum: the trajectory; pcd, ply, las or laz: the map. Default: from the suffix."),
     ] = None,
     frame: Annotated[
-        Axes, typer.Option(help="lidar: x forward, z up, as in the run; camera: KITTI's camera 0, z forward.")
+        Axes, typer.Option(help="lidar: x forward, z up, as in the run; camera: that of KITTI's camera 0, z forward.")
     ] = Axes.LIDAR,
 ) -> None:
     """Write a run's trajectory or map in another format or frame.
@@ -56,7 +60,7 @@ def export(
 
 
 def _new_axes(folder: Path, frame: Axes) -> Array:
-    """T (4, 4) from the LiDAR's axes, which a run is written in, into those of `frame`."""
+    """Transform (4, 4) from the LiDAR's axes, those of a run, to the axes of `frame`."""
     import numpy as np
 
     from slam.session import read_report
@@ -66,14 +70,15 @@ def _new_axes(folder: Path, frame: Axes) -> Array:
         return np.eye(4)
     T = report.get("T_camera0_lidar")
     if T is None:
-        raise InputError(f"{folder / 'run.json'}: the run had no calibration of a camera 0; export with --frame lidar")
+        raise InputError(f"{folder / 'run.json'}: the run has no calibration of camera 0; use --frame lidar")
     return np.array(T)
 
 
 def _format_of(out: Path) -> Format:
+    """The format of the file's suffix."""
     suffix = out.suffix.lower().removeprefix(".")
     if suffix not in ("pcd", "ply", "las", "laz"):
-        raise InputError(f"{out}: say what to write, --format kitti, tum, pcd, ply, las or laz")
+        raise InputError(f"{out}: the suffix is no format; use --format kitti, tum, pcd, ply, las or laz")
     return Format(suffix)
 
 

@@ -1,4 +1,4 @@
-"""`lidarlift info`: what is in a data set, and the command to run it."""
+"""`lidarlift info`: the content of a data set, and the command to run it."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from lidarlift.cli.arguments import ColumnsOption, DatasetArgument, SensorOption
 if TYPE_CHECKING:
     from lidarlift.inspecting import Info
 
-LABEL = 14  # characters
-WIDEST = 120
+LABEL_WIDTH, MAX_WIDTH = 14, 120  # characters
 
 
 def info(
@@ -26,28 +25,28 @@ def info(
     sequence: SequenceOption = None,
     sensor: SensorOption = None,
     columns: ColumnsOption = None,
-    every_scan: Annotated[bool, typer.Option("--all", help="Read all of its scans, not a dozen.")] = False,
-    json_: Annotated[bool, typer.Option("--json", help="The same as JSON.")] = False,
+    every_scan: Annotated[bool, typer.Option("--all", help="Read all scans, not only a dozen.")] = False,
+    json_: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Say what is in a data set: scans, rate, rings, fields, times, camera, truth, gaps, and how to run it.
+    """Show the content of a data set: scans, rate, rings, fields, times, camera, ground truth, gaps, and how to run it.
 
     Example: `lidarlift info my_drive`
 
-    A folder of several drives is listed; `--sequence` looks into one of them.
+    For a folder with several sequences, they are listed; `--sequence` selects one.
     """
-    from lidarlift.inspecting import info as look
+    from lidarlift.inspecting import info as inspect_data_set
     from slam.data.dataset import drives_in
 
     names = drives_in(dataset)
     if sequence is None and len(names) > 1 and not json_:
         print(_several(dataset, names))
         return
-    found = look(dataset, sequence=sequence, sensor=sensor, columns=columns, every_scan=every_scan)
+    found = inspect_data_set(dataset, sequence=sequence, sensor=sensor, columns=columns, every_scan=every_scan)
     print(json.dumps(asdict(found), indent=2, default=str) if json_ else page(found))
 
 
 def page(info: Info) -> str:
-    """A data set on one page, as wide as the terminal."""
+    """Return the description of a data set, as wide as the terminal."""
     rows = {
         "scans": _scans(info),
         "stamps": _stamps(info),
@@ -62,41 +61,46 @@ def page(info: Info) -> str:
     lines = [f"{info.name}  ({info.path})", ""]
     lines += [line for label, value in rows.items() if value for line in _row(label, value)]
     if info.problems:
-        lines += ["", "What is wrong, or assumed:"]
+        lines += ["", "Problems and assumptions:"]
         for kind, count, message in info.problems:
             text = message.removeprefix(f"{info.path}: ").replace(f"{info.path}/", "")
             lines += _wrapped(f"{kind}{f' ({count} times)' if count > 1 else ''}: {text}", "  - ", "    ")
-    lines += ["", "To run it:", *(f"  {command}" for command in info.commands)]
+    lines += ["", "To run SLAM:", *(f"  {command}" for command in info.commands)]
     return "\n".join(lines)
 
 
 def _points(info: Info) -> str:
+    """Number of points and their ranges."""
     near, middle, far = info.range_m
-    return f"{info.points:,} a scan, {near:.1f} to {far:.1f} m away, half of them within {middle:.1f} m"
+    return f"{info.points:,} per scan, ranges {near:.1f} to {far:.1f} m, median {middle:.1f} m"
 
 
 def _scans(info: Info) -> str:
+    """Number of scans, their numbers and rate."""
     numbers = f"{info.first} to {info.last}" if info.scans > 1 else f"{info.first}"
-    rate = f", {info.rate_hz:.3g} a second, {info.duration_s:.1f} s in all" if info.rate_hz else ""
-    looked = "" if info.looked_at == info.scans else f"; {info.looked_at} of them looked at"
-    return f"{info.scans}, numbers {numbers}{rate}{looked}"
+    rate = f", {info.rate_hz:.3g} Hz, {info.duration_s:.1f} s in total" if info.rate_hz else ""
+    read = "" if info.looked_at == info.scans else f"; {info.looked_at} of them read"
+    return f"{info.scans}, numbers {numbers}{rate}{read}"
 
 
 def _stamps(info: Info) -> str:
+    """Source of the stamps, and gaps."""
     if not info.holes:
         return info.stamps
-    gaps = f"{info.holes} gaps, the longest" if info.holes > 1 else "a gap of"
+    gaps = f"{info.holes} gaps, the longest of" if info.holes > 1 else "a gap of"
     return f"{info.stamps}; {gaps} {info.longest_hole_s:.3g} s"
 
 
 def _lidar(info: Info) -> str:
+    """The LiDAR, its vertical correction and motion compensation."""
     if info.sensor is None:
-        return f"not named; its rings lie like those of {info.looks_like}" if info.looks_like else "not named"
-    corrected = f", elevations raised by {info.vertical_correction_deg:.3f} deg" if info.vertical_correction_deg else ""
+        return f"unknown; the rings match those of {info.looks_like}" if info.looks_like else "unknown"
+    corrected = f", vertical correction {info.vertical_correction_deg:.3f} deg" if info.vertical_correction_deg else ""
     return f"{info.sensor}{corrected}{', scans are motion-compensated' if info.motion_compensated else ''}"
 
 
 def _camera(info: Info) -> str:
+    """Images and calibration of the camera."""
     if not info.images:
         return "calibrated, but no images" if info.calibrated else "none"
     size = f" of {info.image_size[0]} x {info.image_size[1]} pixels" if info.image_size else ""
@@ -104,11 +108,11 @@ def _camera(info: Info) -> str:
 
 
 def _several(path: Path, names: list[str]) -> str:
-    """The drives of a folder, a line each, and how to look into one."""
+    """The sequences of a folder, a line each, and the command to inspect one."""
     from slam.data.dataset import open_dataset
     from slam.data.errors import InputError
 
-    lines = [f"{path}: {len(names)} drives", ""]
+    lines = [f"{path}: {len(names)} sequences", ""]
     width = max(map(len, names))
     for name in names:
         try:
@@ -116,22 +120,22 @@ def _several(path: Path, names: list[str]) -> str:
         except InputError as error:
             lines += _wrapped(f"{name:{width}}  {error}", "  ", " " * (width + 4))
             continue
-        beside = [
-            word for word, there in (("camera", data.calibration), ("truth", data.ground_truth)) if there is not None
-        ]
+        parts = {"camera": data.calibration, "ground truth": data.ground_truth}
+        extras = [part for part, content in parts.items() if content is not None]
         seconds = data.stamps[-1] - data.stamps[0]
-        lines.append(f"  {name:{width}}  {len(data):6,} scans  {seconds:8.1f} s  {', '.join(beside)}".rstrip())
-    lines += ["", f"To look into one:\n  lidarlift info {shlex.quote(str(path))} --sequence {shlex.quote(names[0])}"]
+        lines.append(f"  {name:{width}}  {len(data):6,} scans  {seconds:8.1f} s  {', '.join(extras)}".rstrip())
+    lines += ["", f"To inspect one:\n  lidarlift info {shlex.quote(str(path))} --sequence {shlex.quote(names[0])}"]
     return "\n".join(lines)
 
 
 def _row(label: str, value: str) -> list[str]:
-    return _wrapped(value, f"  {label:{LABEL}}", " " * (LABEL + 2))
+    """The lines of one property."""
+    return _wrapped(value, f"  {label:{LABEL_WIDTH}}", " " * (LABEL_WIDTH + 2))
 
 
 def _wrapped(text: str, first: str, others: str) -> list[str]:
-    """Text in lines no wider than the terminal; words, paths among them, stay whole."""
-    width = min(shutil.get_terminal_size().columns, WIDEST)
+    """Text wrapped to the width of the terminal; words and paths are not broken."""
+    width = min(shutil.get_terminal_size().columns, MAX_WIDTH)
     return textwrap.wrap(
         text, width, initial_indent=first, subsequent_indent=others, break_long_words=False, break_on_hyphens=False
     )

@@ -1,4 +1,4 @@
-"""`lidarlift run`: a drive becomes a run folder."""
+"""`lidarlift run`: SLAM over a data set."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def run(
     columns: ColumnsOption = None,
     odometry: Annotated[
         Path | None,
-        typer.Option(help="LiDAR poses of another odometry instead, one a scan, KITTI or TUM format."),
+        typer.Option(help="File with LiDAR poses of another odometry, one per scan, KITTI or TUM format."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The run folder. Default: runs/NAME-INPUT.")] = None,
     strict: StrictOption = False,
 ) -> None:
-    """Drive through a data set: trajectory, map, and ATE, RPE and drift where there is ground truth.
+    """Run SLAM over a data set: trajectory, map, and, with ground truth, ATE, RPE and drift.
 
     Example: `lidarlift run kitti/sequences/04 --frames 0:50 --set odometry.cell_sizes=[1.2,0.8] --out runs/04`
     """
@@ -62,40 +62,41 @@ def run(
     report = read_report(folder)
     print(_summary(report))
     if metrics:
-        closed = {"slam": metrics.slam} if report["loops"]["accepted"] else {}  # equal without loops
+        closed = {"slam": metrics.slam} if report["loops"]["accepted"] else {}  # identical without loops
         print(format_metrics({**closed, "odometry": metrics.odometry}))
     else:
-        print("No ground truth: no ATE, RPE or drift.")
+        print("No ground truth, so no ATE, RPE or drift.")
     print(f"Written to {folder}: {', '.join(sorted(file.name for file in folder.iterdir()))}")
 
 
 def _summary(report: dict[str, Any]) -> str:
-    """What was run, and how it went, in a few lines; `report` is run.json."""
+    """Settings and results in a few lines; `report` is the content of run.json."""
     protocol, counts, times = report["protocol"], report["counts"], report["timings_ms"]
     odometry = protocol["config"]["odometry"]
-    of = {"map": "frame", "loops": "keyframe", "back_end": "keyframe"}
-    known = {name: unit for name, unit in of.items() if name in times}
-    beside = [f"{name.replace('_', ' ')} {times[name]['median']:.1f} ms a {unit}" for name, unit in known.items()]
+    units = {"map": "frame", "loops": "keyframe", "back_end": "keyframe"}
+    medians = {stage: times[stage]["median"] for stage in units if stage in times}
+    parallel = [f"{stage.replace('_', ' ')} {ms:.1f} ms per {units[stage]}" for stage, ms in medians.items()]
     notes = "".join(f"{note}\n" for note in report["notes"])
     return (
         f"{protocol['dataset']}, input {protocol['input']}, deskew {'on' if protocol['deskew'] else 'off'}, "
         f"vertical correction {protocol['vertical_correction_deg']:.3f} deg, "
         f"registration {odometry['registration']} against the {odometry['target']}{_cells(protocol['sizes_m'])}\n"
-        f"{counts['frames']} frames, {report['path_length_m']:.2f} m; {counts['retried']} registered after a search, "
+        f"{counts['frames']} frames, {report['path_length_m']:.2f} m; {counts['retried']} retried, "
         f"{counts['failed']} failed; map of {report['map_points']:,} points\n"
         f"{protocol['point_times']}\n"
         f"{notes}{_loops(report['loops'])}\n"
-        f"Median: odometry {times['odometry']['median']:.1f} ms a frame; beside it {', '.join(beside)}\n"
+        f"Median: odometry {times['odometry']['median']:.1f} ms per frame; in parallel {', '.join(parallel)}\n"
     )
 
 
 def _cells(sizes: dict[str, Any] | None) -> str:
-    """The cells that the first scan, or a setting, has chosen."""
+    """The sizes of the map's cells, from the first scan or a setting."""
     return f", cells of {' and '.join(f'{size:.2g}' for size in sizes['cell_sizes'])} m" if sizes else ""
 
 
 def _loops(loops: dict[str, int]) -> str:
+    """Numbers of keyframes, candidates and loops."""
     if not loops["candidates"]:
-        return f"No place was recognised among {loops['keyframes']} keyframes: no loops, poses are the odometry's"
-    found = f"{loops['accepted']} loops closed" if loops["accepted"] else "no loop closed, poses are the odometry's"
+        return f"{loops['keyframes']} keyframes, no loop candidates, poses of the odometry"
+    found = f"{loops['accepted']} loops closed" if loops["accepted"] else "no loops closed, poses of the odometry"
     return f"{loops['keyframes']} keyframes, {loops['candidates']} candidates registered, {found}; see loops.csv"

@@ -1,4 +1,4 @@
-"""Iterative closest points, point-to-plane (Chen & Medioni 1992): the counter-example to NDT, from scan to scan."""
+"""Point-to-plane ICP, scan to scan (Chen & Medioni 1992), for comparison with NDT."""
 
 from __future__ import annotations
 
@@ -9,49 +9,61 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from slam.data.cloud import Array
-from slam.registration.gauss_newton import NOTHING, Linearisation, minimise, result
-from slam.registration.kernels import INLIER
+from slam.registration.gauss_newton import NOT_LOCKED, Linearisation, minimise, result
+from slam.registration.kernels import INLIER_THRESHOLD
 from slam.registration.result import RegistrationResult
 
-GATE = 2.0  # m; pairs further apart are left out
-NOISE = 0.3  # m, spread of the distance between true pairs: half of the spacing of the points. Scales score and weights
+MAX_PAIR_DISTANCE = 2.0  # m; more distant pairs are not used
+RESIDUAL_SIGMA = 0.3  # m, of true pairs: half of the point spacing; scales score and weights
 NORMAL_NEIGHBOURS = 10
 
 
 class IcpTarget:
-    """The points of the last scan in a k-d tree, with their normals."""
+    """The points of the last scan in a k-d tree, with their normals.
+
+    Args:
+        max_iterations: Maximum number of Gauss-Newton steps.
+
+    Attributes:
+        convergence_radius: Distance [m] within which two initial poses converge to the same pose.
+    """
 
     def __init__(self, max_iterations: int) -> None:
         self.max_iterations = max_iterations
-        self.reach = GATE
+        self.convergence_radius = MAX_PAIR_DISTANCE
         self.clear()
 
     def __len__(self) -> int:
         return len(self._points)
 
     def clear(self) -> None:
+        """Remove all points."""
         self._points = np.zeros((0, 3))
         self._tree = cKDTree(self._points)
 
     def insert(self, xyz: Array, weight: Array, pose: Array) -> None:
-        """Points (N, 3), moved by `pose` (4, 4), instead of those before; weights are not used."""
+        """Replace the points by xyz (N, 3), transformed by `pose` (4, 4); weights are not used."""
         del weight
         self._points = xyz @ pose[:3, :3].T + pose[:3, 3]
         self._tree = cKDTree(self._points)
         self._normals = _normals(self._points, self._tree)
 
     def evict(self, centre: Array, radius: float) -> None:
-        """Nothing to forget: one scan is all there is."""
+        """Do nothing: the target holds one scan only."""
 
     def scorer(self, xyz: Array, weight: Array, centre: Array) -> Callable[[Array], float]:
-        """The paper's eq. 5 of the points' distances to the planes, by pose (4, 4)."""
+        """Return the score of a pose (4, 4): the paper's eq. 5 with point-to-plane distances."""
         del centre
         return lambda pose: self._linearise(xyz, weight, pose).score
 
-    def align(self, xyz: Array, weight: Array, guess: Array, locked: Array = NOTHING) -> RegistrationResult:
-        """Pose of the points (N, 3), weights (N,), in the target from `guess` (4, 4), pairs renewed in every step.
+    def align(self, xyz: Array, weight: Array, guess: Array, locked: Array = NOT_LOCKED) -> RegistrationResult:
+        """Register points in the target; correspondences are searched again in every step.
 
-        No step is taken along `locked` (K, 6) in the target's axes.
+        Args:
+            xyz: Points (N, 3).
+            weight: Their weights (N,).
+            guess: Initial pose (4, 4).
+            locked: Directions (K, 6), in the target's axes, along which no step is taken.
         """
         linearise = partial(self._linearise, xyz, weight)
         pose, converged = minimise(linearise, guess, linearise(guess), self.max_iterations, locked)
@@ -60,22 +72,22 @@ class IcpTarget:
         return result(model, pose, converged, xyz, scores)
 
     def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
-        """Not known from scan to scan: none (0, 3)."""
+        """Return no directions (0, 3): observability is not estimated from scan to scan."""
         del xyz, weight, pose, before
         return np.zeros((0, 3))
 
     def _linearise(self, xyz: Array, weight: Array, pose: Array, scores: Array | None = None) -> Linearisation:
-        turned = xyz @ pose[:3, :3].T
-        distance, nearest = self._tree.query(turned + pose[:3, 3], distance_upper_bound=GATE)
+        rotated = xyz @ pose[:3, :3].T
+        distance, nearest = self._tree.query(rotated + pose[:3, 3], distance_upper_bound=MAX_PAIR_DISTANCE)
         paired = np.isfinite(distance)
         total = max(float(weight.sum()), 1e-9)
         if not paired.any():
             return Linearisation(np.zeros((6, 6)), np.zeros(6), 1.0, 0.0, 0.0, 0.0)
-        q, w = turned[paired], weight[paired].astype(float)
+        q, w = rotated[paired], weight[paired].astype(float)
         J, r = self._residuals(q, nearest[paired], pose)
-        m = np.einsum("ni,ni->n", r, r) / NOISE**2
+        m = np.einsum("ni,ni->n", r, r) / RESIDUAL_SIGMA**2
         robust = w / (1.0 + m)
-        scaled = robust / NOISE**2
+        scaled = robust / RESIDUAL_SIGMA**2
         parts = np.einsum("n,nik,ni->nk", scaled, J, r, optimize=True)
         if scores is not None:
             scores[paired] = parts
@@ -83,13 +95,13 @@ class IcpTarget:
             H=np.einsum("n,nik,nil->kl", scaled, J, J, optimize=True),
             gradient=parts.sum(axis=0),
             variance=float((robust * m).sum() / (r.shape[1] * robust.sum())),
-            inlier_ratio=float(w[m < INLIER].sum() / max(w.sum(), 1e-9)),
+            inlier_ratio=float(w[m < INLIER_THRESHOLD].sum() / max(w.sum(), 1e-9)),
             overlap=float(w.sum() / total),
             score=float((w * np.exp(-m / 2)).sum() / total),
         )
 
     def _residuals(self, q: Array, nearest: Array, pose: Array) -> tuple[Array, Array]:
-        """J (M, 1, 6) and r (M, 1) of turned points q (M, 3), along the normals of their nearest points."""
+        """Jacobians J (M, 1, 6) and point-to-plane distances r (M, 1) of rotated points q (M, 3)."""
         difference = q + pose[:3, 3] - self._points[nearest]
         normal = self._normals[nearest]
         J = np.concatenate([np.cross(q, normal), normal], axis=1)[:, None, :]
@@ -97,7 +109,7 @@ class IcpTarget:
 
 
 def _normals(points: Array, tree: cKDTree) -> Array:
-    """Unit normal (N, 3) of each point: the direction in which its neighbours vary least."""
+    """Unit normals (N, 3): the eigenvector of the smallest eigenvalue of each neighbourhood's covariance."""
     if len(points) == 0:
         return points
     _, neighbours = tree.query(points, k=min(NORMAL_NEIGHBOURS, len(points)))

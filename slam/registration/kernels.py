@@ -1,8 +1,9 @@
-"""The loops behind registration: voxel hashing, Gaussians a cell, NDT's normal equations. Nothing but @njit here,
-and all in one file: numba's cache does not see a change in another.
+"""Kernels of registration: voxel hashing, the Gaussian of each cell, NDT's normal equations.
 
-Hash tables are open addressing with linear probing over a power of two of slots: `table` (S, 2) int64, the key of a
-cell, EMPTY where the slot is free, and its row in the dense arrays.
+Only @njit functions, and all of them in one file: numba's cache does not see changes in another file.
+
+Hash tables use open addressing with linear probing over a power of two of slots: `table` (S, 2) int64 has the key of a
+cell, EMPTY if the slot is free, and its row in the dense arrays.
 """
 
 import math
@@ -11,23 +12,23 @@ import numpy as np
 from numba import njit
 
 EMPTY = np.int64(-1)
-INLIER = 7.815  # 95 % quantile of chi^2 with 3 degrees of freedom
-_BITS = 21  # a cell index per axis: +-1,048,576 cells, 1000 km of 1 m cells
+INLIER_THRESHOLD = 7.815  # 95 % quantile of chi^2 with 3 degrees of freedom
+_BITS = 21  # of a cell index along one axis: +-1,048,576 cells, 1000 km of 1 m cells
 _MASK = (1 << _BITS) - 1
 
-# Columns of a cell's running sums: weight, mean (3), scatter about the mean (xx xy xz yy yz zz), points seen.
+# Columns of a cell's running sums: weight, mean (3), scatter about the mean (xx xy xz yy yz zz), number of points.
 _MEAN, _SCATTER, _COUNT = 1, 4, 10
-# Columns of a Gaussian: mean (3), information (xx xy xz yy yz zz; 0: it tells nothing), variance of its tilt [rad^2],
-# points seen when it was made.
-_MADE_OF, GAUSSIAN = 10, 11
+# Columns of a Gaussian: mean (3), information (xx xy xz yy yz zz; 0: none), variance of the normal's tilt [rad^2],
+# number of points of which it was computed.
+_POINTS_USED, GAUSSIAN = 10, 11
 
-# What a cell's eigenvalues, most >= middle >= least, say of the surface in it. Chosen on simulated and KITTI drives
-# (docs/odometry.md): plain 16 rings want the elongation strict, dense ones hardly mind.
-ELONGATED = 2.5  # most beyond so many times the middle: a line of points, an edge or a ring's trace
-CROSSING = 0.5  # squared cosine: a line that turns less across the rings is a ring's trace
-FLAT = 0.2  # least beyond this share of the middle: no surface
-INDEPENDENT = 10.0  # points of a cell that count as independent where the tilt of its surface is reckoned
-TILTED = 9.0  # times the variance of its tilt: what a surface may have along a direction by that, three sigma
+# Classification of a cell's surface by its eigenvalues, largest >= middle >= smallest. Chosen on simulated and KITTI
+# sequences (docs/odometry.md): 16 rings need a strict elongation, dense scans are hardly sensitive.
+MIN_ELONGATION = 2.5  # ratio of largest to middle from which the points form a line: an edge or the trace of a ring
+MIN_CROSSING = 0.5  # squared cosine to the direction across the rings, below which a line is the trace of a ring
+MAX_FLATNESS = 0.2  # ratio of smallest to middle above which there is no surface
+MAX_INDEPENDENT_POINTS = 10.0  # of a cell, for the variance of its normal's tilt
+TILT_GATE = 9.0  # factor on the variance of the tilt, three sigma: below it a surface may face a direction by noise
 
 
 @njit(inline="always")
@@ -40,10 +41,10 @@ def _key(x, y, z, inverse_size):
 
 @njit(inline="always")
 def _find(table, key):
-    """Slot that holds `key`, or the free one where it belongs.
+    """Slot of `key`, or the free slot for it.
 
-    The four cells of a block of 2 x 2 begin at slots that share a cache line: points next to each other fall into cells
-    next to each other, and of a map, most is not in the cache.
+    The four cells of a 2 x 2 block are hashed to slots in one cache line: adjacent points fall into adjacent cells, and
+    most of a map is not in the cache.
     """
     mask = len(table) - 1
     x, y = (key >> (2 * _BITS)) & 1, (key >> _BITS) & 1
@@ -56,8 +57,8 @@ def _find(table, key):
 
 
 @njit(inline="always")
-def _turned(pose, x, y, z):
-    """R [x y z] of a pose."""
+def _rotated(pose, x, y, z):
+    """The vector [x y z] rotated by a pose."""
     return (
         pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z,
         pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z,
@@ -67,16 +68,24 @@ def _turned(pose, x, y, z):
 
 @njit(cache=True, nogil=True)
 def downsample(xyz, weight, size, min_range, max_range, table):
-    """Weighted centroid of the points of each cell, in the order in which the cells were first met.
+    """Compute the weighted centroid of the points of each cell, in the order of their first points.
 
-    Points nearer to the origin than `min_range` or further than `max_range`, and those not finite, are left out.
-    xyz (N, 3) float32, weight (N,) float32 -> centroids (M, 3) float32, mean weights (M,) float32, source (M,) int64:
-    the first point of each cell. `table` is scratch, overwritten. The fourth value is False where it was too small, and
-    the others then are of no use.
+    Args:
+        xyz: Points (N, 3) float32; points that are not finite are left out.
+        weight: Their weights (N,) float32.
+        size: Size of the cells [m].
+        min_range: Points nearer to the origin are left out [m].
+        max_range: Points further from the origin are left out [m].
+        table: Hash table, overwritten.
+
+    Returns:
+        Centroids (M, 3) float32, mean weights (M,) float32, the index (M,) int64 of the first point of each cell, and
+        whether `table` was large enough; if not, the other values are invalid.
     """
     table[:, 0] = EMPTY
     inverse_size = 1.0 / size
-    sums = np.empty((min(len(xyz), len(table) // 2), 8), np.float32)  # weight, xyz from the first point, points, that
+    # columns: weight, weighted sum of xyz relative to the first point, number of points, first point
+    sums = np.empty((min(len(xyz), len(table) // 2), 8), np.float32)
     source = np.empty(len(sums), np.int64)
     count, fits = 0, True
     last_key, cell = EMPTY, 0
@@ -86,7 +95,7 @@ def downsample(xyz, weight, size, min_range, max_range, table):
         if not min_range * min_range <= squared <= max_range * max_range:
             continue
         key = _key(x, y, z, inverse_size)
-        if key != last_key:  # neighbours in a scan mostly share the cell
+        if key != last_key:  # successive points of a scan are mostly in the same cell
             last_key = key
             slot = _find(table, key)
             if table[slot, 0] == EMPTY:
@@ -100,7 +109,7 @@ def downsample(xyz, weight, size, min_range, max_range, table):
                 source[count] = i
                 count += 1
             cell = table[slot, 1]
-        # relative to the cell's first point: float32 sums far from the origin would lose digits
+        # relative to the first point of the cell: float32 sums far from the origin lose precision
         row = sums[cell]
         row[0] += w
         row[1] += w * (x - row[5])
@@ -119,25 +128,28 @@ def downsample(xyz, weight, size, min_range, max_range, table):
 
 @njit(inline="always")
 def eigenvalues(A):
-    """Of a symmetric A (3, 3), least to most: the roots of its cubic by their angle (Smith 1961)."""
+    """Return the eigenvalues of a symmetric A (3, 3), ascending, by the trigonometric solution (Smith 1961)."""
     mean = (A[0, 0] + A[1, 1] + A[2, 2]) / 3.0
     xx, yy, zz = A[0, 0] - mean, A[1, 1] - mean, A[2, 2] - mean
     xy, xz, yz = A[0, 1], A[0, 2], A[1, 2]
     squared = (xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0
-    if squared <= 0.0:
-        return mean, mean, mean
     spread = math.sqrt(squared)
+    cubed = squared * spread
+    if cubed <= 0.0:  # also by underflow: equal eigenvalues
+        return mean, mean, mean
     determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
-    angle = math.acos(min(1.0, max(-1.0, 0.5 * determinant / (squared * spread)))) / 3.0
-    most = mean + 2.0 * spread * math.cos(angle)
-    least = mean + 2.0 * spread * math.cos(angle + 2.0 * math.pi / 3.0)
-    return least, 3.0 * mean - least - most, most
+    angle = math.acos(min(1.0, max(-1.0, 0.5 * determinant / cubed))) / 3.0
+    largest = mean + 2.0 * spread * math.cos(angle)
+    smallest = mean + 2.0 * spread * math.cos(angle + 2.0 * math.pi / 3.0)
+    return smallest, 3.0 * mean - smallest - largest, largest
 
 
 @njit(inline="always")
 def eigenvector(A, value):
-    """The unit eigenvector of a symmetric A (3, 3) to an eigenvalue that stands apart from the others: across two rows
-    of A - value I, those that differ most in direction."""
+    """Return the unit eigenvector of a symmetric A (3, 3) for a simple eigenvalue.
+
+    It is the largest cross product of two rows of A - value I.
+    """
     xx, yy, zz = A[0, 0] - value, A[1, 1] - value, A[2, 2] - value
     xy, xz, yz = A[0, 1], A[0, 2], A[1, 2]
     ax, ay, az = xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy
@@ -156,7 +168,7 @@ def eigenvector(A, value):
 
 @njit(inline="always")
 def _across_rings(x, y, z, mean, pose):
-    """Squared cosine between a unit vector and the direction in which a sensor at `pose` steps from ring to ring."""
+    """Squared cosine between a unit vector and the direction from ring to ring, for a sensor at `pose`."""
     rx, ry, rz = mean[0] - pose[0, 3], mean[1] - pose[1, 3], mean[2] - pose[2, 3]
     squared = rx * rx + ry * ry + rz * rz + 1e-12
     along = (pose[0, 2] * rx + pose[1, 2] * ry + pose[2, 2] * rz) / squared
@@ -165,8 +177,8 @@ def _across_rings(x, y, z, mean, pose):
 
 
 @njit(inline="always")
-def _hold_by_covariance(cell, A, ridge, gaussians):
-    """The whole inverse covariance, as the paper's eq. 4 has it."""
+def _information_from_covariance(cell, A, ridge, gaussians):
+    """Set the information to the full inverse covariance, as in the paper's eq. 4."""
     xx, yy, zz = A[0, 0] + ridge, A[1, 1] + ridge, A[2, 2] + ridge
     xy, xz, yz = A[0, 1], A[0, 2], A[1, 2]
     a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
@@ -180,34 +192,36 @@ def _hold_by_covariance(cell, A, ridge, gaussians):
 
 
 @njit(inline="always")
-def _hold_by_surface(cell, A, ridge, size, row, pose, gaussians):
-    """Information along the directions in which a surface is thin: a plane's normal, both sides of an edge.
+def _information_from_surface(cell, A, ridge, size, row, pose, gaussians):
+    """Set the information along the directions in which a surface is thin: a plane's normal, both sides of an edge.
 
-    How far points spread along a surface says where the cell ends and how the rings fell into it, not where anything
-    is. A line of points is an edge only where it crosses rings; along them it is a ring's own trace.
+    The spread of points along a surface depends on the borders of the cell and on the rings in it, not on the position
+    of an object. A line of points is an edge only if it crosses rings; otherwise it is the trace of one ring.
     """
-    least, middle, most = eigenvalues(A)
-    least, middle = max(least, 0.0), max(middle, 0.0)
-    gaussians[cell, 9] = (least + ridge) / ((middle + ridge) * min(row[_COUNT], INDEPENDENT))
-    if least > FLAT * middle + 1e-9 * most:  # of a line without any width, both are nothing but rounding
+    smallest, middle, largest = eigenvalues(A)
+    smallest, middle = max(smallest, 0.0), max(middle, 0.0)
+    gaussians[cell, 9] = (smallest + ridge) / ((middle + ridge) * min(row[_COUNT], MAX_INDEPENDENT_POINTS))
+    if smallest > MAX_FLATNESS * middle + 1e-9 * largest:  # for a line without width, both are rounding errors
         return
-    if ELONGATED * middle >= most:
-        x, y, z = eigenvector(A, least)
-        _hold_along(cell, x, y, z, least, ridge, size, gaussians)
+    if MIN_ELONGATION * middle >= largest:
+        x, y, z = eigenvector(A, smallest)
+        _add_information(cell, x, y, z, smallest, ridge, size, gaussians)
         return
-    wx, wy, wz = eigenvector(A, most)
-    if _across_rings(wx, wy, wz, row[_MEAN : _MEAN + 3], pose) < CROSSING:
+    wx, wy, wz = eigenvector(A, largest)
+    if _across_rings(wx, wy, wz, row[_MEAN : _MEAN + 3], pose) < MIN_CROSSING:
         return
-    x, y, z = eigenvector(A, least)
-    x, y, z = _across(x, y, z, wx, wy, wz)
-    _hold_along(cell, x, y, z, least, ridge, size, gaussians)
-    _hold_along(cell, y * wz - z * wy, z * wx - x * wz, x * wy - y * wx, middle, ridge, size, gaussians)
+    x, y, z = eigenvector(A, smallest)
+    x, y, z = _perpendicular(x, y, z, wx, wy, wz)
+    _add_information(cell, x, y, z, smallest, ridge, size, gaussians)
+    _add_information(cell, y * wz - z * wy, z * wx - x * wz, x * wy - y * wx, middle, ridge, size, gaussians)
 
 
 @njit(inline="always")
-def _across(x, y, z, wx, wy, wz):
-    """The part of a vector that is perpendicular to the unit vector w, as a unit vector; any such vector where that
-    part is nothing, as of a line without any width."""
+def _perpendicular(x, y, z, wx, wy, wz):
+    """The component of a vector perpendicular to the unit vector w, normalised.
+
+    Where it is zero, as for a line without width, any perpendicular unit vector is returned.
+    """
     along = x * wx + y * wy + z * wz
     x, y, z = x - along * wx, y - along * wy, z - along * wz
     squared = x * x + y * y + z * z
@@ -222,8 +236,8 @@ def _across(x, y, z, wx, wy, wz):
 
 
 @njit(inline="always")
-def _hold_along(cell, x, y, z, variance, ridge, size, gaussians):
-    """Add information along a unit vector; none where the points spread as far as the cell does."""
+def _add_information(cell, x, y, z, variance, ridge, size, gaussians):
+    """Add information along a unit vector; none if the points spread over the whole cell."""
     gain = max(0.0, 1.0 - 12.0 * variance / (size * size)) / (variance + ridge)
     gaussians[cell, 3] += gain * x * x
     gaussians[cell, 4] += gain * x * y
@@ -235,7 +249,7 @@ def _hold_along(cell, x, y, z, variance, ridge, size, gaussians):
 
 @njit(inline="always")
 def _update_gaussian(cell, sums, gaussians, floor, size, surfaces, pose, A):
-    """Mean and information matrix of a cell from its sums; `floor` of the trace keeps flat cells invertible."""
+    """Compute a cell's mean and information from its sums; `floor` of the trace keeps flat cells invertible."""
     row = sums[cell]
     scale = 1.0 / row[0] * row[_COUNT] / (row[_COUNT] - 1.0)
     entry = _SCATTER
@@ -247,22 +261,22 @@ def _update_gaussian(cell, sums, gaussians, floor, size, surfaces, pose, A):
     for axis in range(3):
         gaussians[cell, axis] = row[_MEAN + axis]
     gaussians[cell, 3:] = 0.0
-    gaussians[cell, _MADE_OF] = row[_COUNT]
+    gaussians[cell, _POINTS_USED] = row[_COUNT]
     if surfaces:
-        _hold_by_surface(cell, A, ridge, size, row, pose, gaussians)
+        _information_from_surface(cell, A, ridge, size, row, pose, gaussians)
     else:
-        _hold_by_covariance(cell, A, ridge, gaussians)
+        _information_from_covariance(cell, A, ridge, gaussians)
 
 
 @njit(inline="always")
-def _tells(S):
-    """Whether a cell's Gaussian holds a point along any direction."""
+def _has_information(S):
+    """Whether a cell's Gaussian constrains a point along any direction."""
     return S[3] + S[6] + S[8] > 0.0
 
 
 @njit(inline="always")
 def _add_cell(key, slot, cell, table, sums, gaussians, cell_keys):
-    """An empty cell at a free slot."""
+    """Add an empty cell at a free slot."""
     table[slot, 0] = key
     table[slot, 1] = cell
     cell_keys[cell] = key
@@ -272,11 +286,29 @@ def _add_cell(key, slot, cell, table, sums, gaussians, cell_keys):
 
 @njit(cache=True, nogil=True)
 def insert(xyz, weight, pose, size, min_points, max_points, floor, surfaces, table, sums, gaussians, cell_keys, count):
-    """Add points (N, 3), moved by `pose` (4, 4), to the cells' running sums and renew the Gaussians they touch.
+    """Add points to the cells' running sums, and update the Gaussians of these cells.
 
-    Centred accumulation (West 1979), unbiased covariance. A cell that has seen `max_points` is left as it is. A
-    Gaussian's information stays 0 while the cell has fewer than `min_points`, and where it shows no surface
-    (`surfaces`). Returns the new number of cells.
+    Centred accumulation (West 1979), unbiased covariance. A cell with `max_points` is not updated any more. The
+    information of a Gaussian is 0 while the cell has fewer than `min_points`, and, with `surfaces`, if it has no
+    surface.
+
+    Args:
+        xyz: Points (N, 3).
+        weight: Their weights (N,).
+        pose: Pose (4, 4) by which the points are transformed.
+        size: Size of the cells [m].
+        min_points: As in `VoxelGaussians`.
+        max_points: As in `VoxelGaussians`.
+        floor: As in `VoxelGaussians`.
+        surfaces: As in `VoxelGaussians`.
+        table: Hash table.
+        sums: Running sums (C, 11), a row per cell.
+        gaussians: Gaussians (C, GAUSSIAN), a row per cell.
+        cell_keys: Keys (C,) of the cells.
+        count: Number of cells in use.
+
+    Returns:
+        The new number of cells.
     """
     A = np.empty((3, 3))
     inverse_size = 1.0 / size
@@ -285,7 +317,7 @@ def insert(xyz, weight, pose, size, min_points, max_points, floor, surfaces, tab
     last_key, cell = EMPTY, 0
     for i in range(len(xyz)):
         px, py, pz, w = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), weight[i]
-        x, y, z = _turned(pose, px, py, pz)
+        x, y, z = _rotated(pose, px, py, pz)
         x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
         key = _key(x, y, z, inverse_size)
         if key != last_key:
@@ -317,14 +349,14 @@ def insert(xyz, weight, pose, size, min_points, max_points, floor, surfaces, tab
         row[_SCATTER + 5] += dz * ez
     for i in range(touches):
         seen = sums[touched[i], _COUNT]
-        if seen >= min_points and seen > gaussians[touched[i], _MADE_OF]:
+        if seen >= min_points and seen > gaussians[touched[i], _POINTS_USED]:
             _update_gaussian(touched[i], sums, gaussians, floor, size, surfaces, pose, A)
     return count
 
 
 @njit(cache=True, nogil=True)
 def evict(centre, radius, table, sums, gaussians, cell_keys, count):
-    """Forget the cells whose mean is further than `radius` from `centre` (3,); returns how many remain."""
+    """Remove the cells with a mean further than `radius` [m] from `centre` (3,); return the number that remains."""
     table[:, 0] = EMPTY
     kept = 0
     for cell in range(count):
@@ -345,7 +377,7 @@ def evict(centre, radius, table, sums, gaussians, cell_keys, count):
 
 @njit(cache=True, nogil=True)
 def rehash(cell_keys, count, table):
-    """Fill an empty table, after it has grown, with the cells there are."""
+    """Fill a table, after it has grown, with the existing cells."""
     table[:, 0] = EMPTY
     for cell in range(count):
         slot = _find(table, cell_keys[cell])
@@ -357,7 +389,7 @@ def rehash(cell_keys, count, table):
 def _add_point(H, g, u, S, qx, qy, qz, fx, fy, fz):
     """Add u J^T S J to the upper triangle of H and J^T f to g, for J = [-[q]_x, I], the products written out."""
     xx, xy, xz, yy, yz, zz = u * S[3], u * S[4], u * S[5], u * S[6], u * S[7], u * S[8]
-    # A = [q]_x S, the block that couples turning with moving
+    # A = [q]_x S, the block of rotation and translation
     a00, a01, a02 = qy * xz - qz * xy, qy * yz - qz * yy, qy * zz - qz * yz
     a10, a11, a12 = qz * xx - qx * xz, qz * xy - qx * yz, qz * xz - qx * zz
     a20, a21, a22 = qx * xy - qy * xx, qx * yy - qy * xy, qx * yz - qy * xz
@@ -392,16 +424,26 @@ def _add_point(H, g, u, S, qx, qy, qz, fx, fy, fz):
 
 @njit(cache=True, nogil=True)
 def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussians, scores):
-    """One linearisation of NDT: sum over points of w rho'(m) J^T S^-1 [J | r], with m = r^T S^-1 r and r = T x - mean.
+    """Linearise NDT: sum over points of w rho'(m) J^T S^-1 [J | r], with m = r^T S^-1 r and r = T x - mean.
 
-    The perturbation turns about the sensor and moves it, both in the axes of the map: J = [-[R x]_x, I]. The robust
-    weight is Cauchy's, 1 / (1 + m / kernel^2), on the Mahalanobis distance. `neighbours` is 1 (the point's own cell)
-    or 7 (its six neighbours by face as well). Where `scores` (N, 6) has any rows, each point's part of the gradient is
-    added there.
+    The perturbation is a rotation about the sensor and a translation of the sensor, both in the axes of the map:
+    J = [-[R x]_x, I]. The robust weight is Cauchy's, 1 / (1 + m / kernel^2).
 
-    Returns H (6, 6), gradient (6,), and six sums: robust weights, robust weights x m, the weight of the points whose
-    best m is below the 95 % quantile of chi^2(3), the paper's eq. 5 (weights x exp(-m / 2), best cell), the weight of
-    the points that met a Gaussian, all weights.
+    Args:
+        xyz: Points (N, 3).
+        weight: Their weights (N,).
+        pose: Pose (4, 4) of the points in the map.
+        size: Size of the cells [m].
+        neighbours: 1, the point's own cell, or 7, with the six face neighbours.
+        kernel: Scale of the robust weight.
+        table: Hash table of the cells.
+        gaussians: Gaussians of the cells.
+        scores: (N, 6) or empty; each point's contribution to the gradient is added to its row.
+
+    Returns:
+        H (6, 6), gradient (6,), and six sums: robust weights; robust weights x m; weights of the points with a minimum
+        m below the 95 % quantile of chi^2(3); the paper's eq. 5 (weights x exp(-m / 2), best cell); weights of the
+        points in a cell with a Gaussian; all weights.
     """
     H = np.zeros((6, 6))
     g = np.zeros(6)
@@ -409,7 +451,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussia
     inverse_size, inverse_kernel = 1.0 / size, 1.0 / (kernel * kernel)
     for i in range(len(xyz)):
         px, py, pz, w = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), np.float64(weight[i])
-        qx, qy, qz = _turned(pose, px, py, pz)
+        qx, qy, qz = _rotated(pose, px, py, pz)
         x, y, z = qx + pose[0, 3], qy + pose[1, 3], qz + pose[2, 3]
         best = np.inf
         totals[5] += w
@@ -426,7 +468,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussia
             if table[slot, 0] == EMPTY:
                 continue
             S = gaussians[table[slot, 1]]
-            if not _tells(S):
+            if not _has_information(S):
                 continue
             rx, ry, rz = x - S[0], y - S[1], z - S[2]
             sx = S[3] * rx + S[4] * ry + S[5] * rz
@@ -449,7 +491,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussia
         if best < np.inf:
             totals[4] += w
             totals[3] += w * math.exp(-0.5 * best)
-            if best < INLIER:
+            if best < INLIER_THRESHOLD:
                 totals[2] += w
     for k in range(6):
         for j in range(k):
@@ -459,90 +501,112 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussia
 
 @njit(cache=True, nogil=True)
 def support(xyz, weight, pose, size, kernel, axes, table, gaussians):
-    """Which directions the surfaces face that hold the points: (3, 3) mean of n n^T, trace 1, in the axes of the map.
+    """Compute the directions that the surfaces face to which the points are matched.
 
-    Weighted as in `normal_equations`. Also (3,): what each of the orthonormal `axes` (3, 3), its rows, has of this
-    without the surfaces that seem to face it only as far as their normals may be tilted.
+    Args:
+        xyz: Points (N, 3).
+        weight: Their weights (N,).
+        pose: Pose (4, 4) of the points in the map.
+        size: Size of the cells [m].
+        kernel: Scale of the robust weights, which are those of `normal_equations`.
+        axes: Orthonormal directions (3, 3), one per row, in the axes of the map.
+        table: Hash table of the cells.
+        gaussians: Gaussians of the cells.
+
+    Returns:
+        The weighted mean (3, 3) of n n^T over the surface normals n, trace 1, in the axes of the map; and its part (3,)
+        along each of the `axes`, without the surfaces that may face this axis by the tilt of their normals only.
     """
-    facing, clear = np.zeros((3, 3)), np.zeros(3)
+    normals, beyond_tilt = np.zeros((3, 3)), np.zeros(3)
     total = 1e-12
     inverse_size, inverse_kernel = 1.0 / size, 1.0 / (kernel * kernel)
     for i in range(len(xyz)):
-        x, y, z = _turned(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
+        x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
         x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
         slot = _find(table, _key(x, y, z, inverse_size))
-        if table[slot, 0] == EMPTY or not _tells(gaussians[table[slot, 1]]):
+        if table[slot, 0] == EMPTY or not _has_information(gaussians[table[slot, 1]]):
             continue
         S = gaussians[table[slot, 1]]
         u = weight[i] / (1.0 + _mahalanobis(S, x, y, z) * inverse_kernel)
         total += u
         u /= S[3] + S[6] + S[8]
-        facing[0, 0] += u * S[3]
-        facing[0, 1] += u * S[4]
-        facing[0, 2] += u * S[5]
-        facing[1, 1] += u * S[6]
-        facing[1, 2] += u * S[7]
-        facing[2, 2] += u * S[8]
+        normals[0, 0] += u * S[3]
+        normals[0, 1] += u * S[4]
+        normals[0, 2] += u * S[5]
+        normals[1, 1] += u * S[6]
+        normals[1, 2] += u * S[7]
+        normals[2, 2] += u * S[8]
         for k in range(3):
-            share = _along(S, axes[k, 0], axes[k, 1], axes[k, 2])
-            if share > TILTED * S[9] * (S[3] + S[6] + S[8]):
-                clear[k] += u * share
+            share = _information_along(S, axes[k, 0], axes[k, 1], axes[k, 2])
+            if share > TILT_GATE * S[9] * (S[3] + S[6] + S[8]):
+                beyond_tilt[k] += u * share
     for i in range(3):
         for j in range(i):
-            facing[i, j] = facing[j, i]
-    return facing / total, clear / total
+            normals[i, j] = normals[j, i]
+    return normals / total, beyond_tilt / total
 
 
 @njit(inline="always")
-def _along(S, x, y, z):
-    """v^T S v: the information that a Gaussian has along a direction."""
+def _information_along(S, x, y, z):
+    """v^T S v: the information of a Gaussian along a direction."""
     return x * (S[3] * x + 2.0 * (S[4] * y + S[5] * z)) + y * (S[6] * y + 2.0 * S[7] * z) + z * S[8] * z
 
 
 @njit(inline="always")
 def _mahalanobis(S, x, y, z):
-    """Squared distance of a point from a Gaussian."""
-    return _along(S, x - S[0], y - S[1], z - S[2])
+    """Squared Mahalanobis distance of a point to a Gaussian."""
+    return _information_along(S, x - S[0], y - S[1], z - S[2])
 
 
 @njit(cache=True, nogil=True)
-def evidence(xyz, weight, pose, relevance, size, block, most, table, gaussians, blocks):
-    """How much of the scene supports a pose: sum over cubic blocks of the fit in each, by what its points can tell,
-    times the mean fit, for where a scan meets its own rings there is more that can fit.
+def evidence(xyz, weight, pose, relevance, size, block, max_weight, table, gaussians, blocks):
+    """Compute the evidence for a pose: the sum of the fit over cubic blocks, times the mean fit.
 
-    A point counts by its surface's normal n, n^T R n with `relevance` R (3, 3), and fits by exp(-m / 2) (the paper's
-    eq. 5). A block of side `block` counts at most `most`, so that one lorry that drives along is not worth more than a
-    lamp post. `blocks` is scratch, at least twice as long as N, overwritten.
+    The mean fit corrects for the amount of points that can fit, which is larger where a scan meets its own ring
+    pattern. The weight of a point is n^T R n, with the normal n of its surface and the relevance R; its fit is
+    exp(-m / 2) (the paper's eq. 5).
+
+    Args:
+        xyz: Points (N, 3).
+        weight: Their weights (N,).
+        pose: Pose (4, 4) of the points in the map.
+        relevance: R (3, 3).
+        size: Size of the cells [m].
+        block: Size of the blocks [m].
+        max_weight: Maximum weight of a block, so that a lorry that drives along has no more weight than a lamp post.
+        table: Hash table of the cells.
+        gaussians: Gaussians of the cells.
+        blocks: Hash table with at least 2 N rows, overwritten.
     """
     blocks[:, 0] = EMPTY
     inverse_size, inverse_block = 1.0 / size, 1.0 / block
     mass = np.zeros((len(xyz), 2))
     count = 0
     for i in range(len(xyz)):
-        x, y, z = _turned(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
+        x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
         x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
         slot = _find(table, _key(x, y, z, inverse_size))
-        if table[slot, 0] == EMPTY or not _tells(gaussians[table[slot, 1]]):
+        if table[slot, 0] == EMPTY or not _has_information(gaussians[table[slot, 1]]):
             continue
         S = gaussians[table[slot, 1]]
-        told = (
+        relevant = (
             relevance[0, 0] * S[3]
             + relevance[1, 1] * S[6]
             + relevance[2, 2] * S[8]
             + 2.0 * (relevance[0, 1] * S[4] + relevance[0, 2] * S[5] + relevance[1, 2] * S[7])
         )
-        told *= weight[i] / (S[3] + S[6] + S[8])
+        relevant *= weight[i] / (S[3] + S[6] + S[8])
         slot = _find(blocks, _key(x, y, z, inverse_block))
         if blocks[slot, 0] == EMPTY:
             blocks[slot, 0] = _key(x, y, z, inverse_block)
             blocks[slot, 1] = count
             count += 1
-        mass[blocks[slot, 1], 0] += told
-        mass[blocks[slot, 1], 1] += told * math.exp(-0.5 * _mahalanobis(S, x, y, z))
+        mass[blocks[slot, 1], 0] += relevant
+        mass[blocks[slot, 1], 1] += relevant * math.exp(-0.5 * _mahalanobis(S, x, y, z))
     total, possible = 0.0, 1e-12
     for k in range(count):
         if mass[k, 0] > 0.0:
-            counted = min(1.0, most / mass[k, 0])
+            counted = min(1.0, max_weight / mass[k, 0])
             total += mass[k, 1] * counted
             possible += mass[k, 0] * counted
     return total * total / possible
@@ -550,8 +614,10 @@ def evidence(xyz, weight, pose, relevance, size, block, most, table, gaussians, 
 
 @njit(cache=True, nogil=True)
 def merge(fine_sums, fine_count, size, min_points, floor, pose, table, sums, gaussians, cell_keys):
-    """Fill empty cells of a larger `size` with the moments of finer ones, and their Gaussians of surfaces as seen from
-    `pose` (4, 4). Returns their number."""
+    """Fill empty cells of a larger `size` with the moments of finer cells; return their number.
+
+    The Gaussians have surface information, for a sensor at `pose` (4, 4).
+    """
     A = np.empty((3, 3))
     inverse_size = 1.0 / size
     count = 0
@@ -586,9 +652,9 @@ def merge(fine_sums, fine_count, size, min_points, floor, pose, table, sums, gau
 
 @njit(cache=True, nogil=True)
 def clustered_scatter(xyz, scores, size, table):
-    """(6, 6): sum over cells of s s^T, s the sum of the scores (N, 6) of the points (N, 3) in the cell.
+    """Return the sum (6, 6) over cells of s s^T, with s the sum of the scores (N, 6) of the points (N, 3) in the cell.
 
-    `table` is scratch, at least twice as long as N, overwritten.
+    `table` is a hash table with at least 2 N rows, overwritten.
     """
     table[:, 0] = EMPTY
     inverse_size = 1.0 / size

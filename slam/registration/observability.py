@@ -1,9 +1,9 @@
-"""Which directions a scan holds: those that enough of its surfaces face.
+"""Observable directions of a scan: those that enough surface normals face.
 
-In a tunnel every normal points across it. Estimated normals tilt by a little, and a thousand tilted ones state a
-position along the axis with a sigma of millimetres that is all noise. How far a normal may be tilted is known from its
-surface's thickness, width and number of points; a surface that faces a direction no further than that does not count.
-(Zhang, Kaess, Singh, ICRA 2016, judge by the eigenvalues of all, against a limit for each environment.)
+In a tunnel every normal is perpendicular to the axis. Estimated normals are slightly tilted, and a thousand tilted
+normals give a position along the axis with a sigma of millimetres that is noise only. The tilt of a normal is bounded
+by the thickness, width and number of points of its surface; a surface that faces a direction within this bound is not
+counted. (Zhang, Kaess, Singh, ICRA 2016, threshold the eigenvalues of all surfaces, with a limit for each environment.)
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.registration.voxels import VoxelGaussians
 
-LEAST = 0.0012  # share of what the surfaces face: with less a direction is not held. In a tunnel 0.0003, else 0.002 up
-ENOUGH = 0.002  # before a direction that was not held counts as held again
-SAME = 0.9  # cosine between directions that are one, from scan to scan
+MIN_SHARE = 0.0012  # of the surfaces; below it a direction is unobservable. In a tunnel 0.0003, elsewhere 0.002 or more
+REOBSERVED_SHARE = 0.002  # from which a direction that was unobservable is observable again
+SAME_DIRECTION = 0.9  # cosine above which the directions of two scans are the same
 
 
 def unobserved(cells: VoxelGaussians, xyz: Array, weight: Array, pose: Array, kernel: float, before: Array) -> Array:
-    """Directions along which a scan does not hold its position.
+    """Return the directions along which a scan does not constrain its position.
 
     Args:
-        cells: The map; its Gaussians hold by surfaces.
+        cells: The map; its Gaussians have surface information.
         xyz: Points (N, 3) float32 in the sensor's axes, with weights (N,) float32.
         weight: See `xyz`.
-        pose: Of the scan in the map (4, 4).
-        kernel: Of the robust weights, see `kernels.normal_equations`.
-        before: (K, 3) directions that the last scan did not hold, in the axes of the map.
+        pose: Pose (4, 4) of the scan in the map.
+        kernel: Scale of the robust weights, see `kernels.normal_equations`.
+        before: Unobservable directions (K, 3) of the last scan, in the axes of the map.
 
     Returns:
-        (K, 3) unit vectors in the axes of the map, none or at most two: a scan that matches holds something.
+        Unit vectors (K, 3) in the axes of the map, at most two: a registered scan constrains one direction at least.
     """
-    facing, _ = cells.support(xyz, weight, pose, kernel)
-    axes = np.ascontiguousarray(np.linalg.eigh(facing)[1].T)  # rows, the weakest first
+    normals, _ = cells.support(xyz, weight, pose, kernel)
+    axes = np.ascontiguousarray(np.linalg.eigh(normals)[1].T)  # rows, the weakest first
     _, shares = cells.support(xyz, weight, pose, kernel, axes)
-    known = (np.abs(axes @ before.T) > SAME).any(axis=1)
-    lost = shares[:2] < np.where(known[:2], ENOUGH, LEAST)
+    known = (np.abs(axes @ before.T) > SAME_DIRECTION).any(axis=1)
+    lost = shares[:2] < np.where(known[:2], REOBSERVED_SHARE, MIN_SHARE)
     return np.asarray(axes[:2][lost])

@@ -1,4 +1,4 @@
-"""What every registration method gives back."""
+"""The result of a registration."""
 
 from __future__ import annotations
 
@@ -9,18 +9,23 @@ from slam.data.cloud import Array
 
 @dataclass(frozen=True, eq=False)
 class RegistrationResult:
-    """A pose and how far it can be trusted.
+    """A registered pose and its uncertainty.
 
-    pose          (4, 4) T_target_source
-    H             (6, 6) Gauss-Newton Hessian at the pose, robust weights applied, for a perturbation pose @ exp(xi),
-                  xi = (rotation [rad], translation [m]) in the source's axes, as GTSAM's Pose3 has it
-    covariance    (6, 6) of the same xi: inv(H) times the variance of the weighted residuals. It tells directions that
-                  the points do not hold; as a variance it believes in the Gaussians and in independent points
-    sandwich      (6, 6) of the same xi, of what the points really say: inv(H) B inv(H), B the scatter of their parts of
-                  the gradient, those of neighbours added up first (Huber 1967; for clusters Liang & Zeger 1986)
-    overlap       share of the points' weight that met the target: a cell with a Gaussian, a point within the gate
-    inlier_ratio  share of those that fit it: Mahalanobis distance squared below 7.8, the 95 % quantile of chi^2(3)
-    converged     the last step was below the thresholds before the iterations ran out
+    Covariances and H are of the perturbation pose @ exp(xi), xi = (rotation [rad], translation [m]) in the source's
+    axes, as in GTSAM's Pose3.
+
+    Attributes:
+        pose: T_target_source (4, 4).
+        H: Gauss-Newton Hessian (6, 6) at the pose, with robust weights.
+        covariance: inv(H) times the variance of the weighted residuals (6, 6). It shows unobservable directions; as a
+            variance it assumes correct Gaussians and independent points.
+        sandwich: Cluster-robust covariance (6, 6): inv(H) B inv(H), with B the scatter of the points' contributions
+            to the gradient, summed over adjacent points first (Huber 1967; for clusters Liang & Zeger 1986).
+        overlap: Weight of the points with a correspondence (a cell with a Gaussian, a point within the maximum
+            distance), as a share of the total weight.
+        inlier_ratio: Share of these points with a squared Mahalanobis distance below 7.8, the 95 % quantile of
+            chi^2(3).
+        converged: Whether the last step was below the thresholds within the maximum number of iterations.
     """
 
     pose: Array

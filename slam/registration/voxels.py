@@ -1,4 +1,4 @@
-"""Space cut into cubic cells: thinning a cloud, and a bounded map with one Gaussian a cell."""
+"""Voxel grids: downsampling of clouds, and a bounded map with one Gaussian per cell."""
 
 from __future__ import annotations
 
@@ -7,23 +7,37 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.registration import kernels
 
-NO_SCORES, AXES = np.zeros((0, 6)), np.eye(3)
+NO_SCORES, IDENTITY = np.zeros((0, 6)), np.eye(3)
 
 
 def hash_table(entries: int) -> Array:
-    """An empty hash table (S, 2) int64, see `kernels`, at most half full with that many entries."""
+    """Return an empty hash table (S, 2) int64, see `kernels`, at most half full with this number of entries."""
     return np.full((1 << max(10, (2 * entries - 1).bit_length()), 2), kernels.EMPTY)
 
 
 class VoxelFilter:
-    """Thins clouds to one point a cell: the weighted centroid. Keeps its scratch memory from scan to scan."""
+    """Downsamples clouds to the weighted centroid of each cell. Scratch memory is reused from scan to scan.
+
+    Args:
+        size: Size of the cells [m].
+        min_range: Range [m] below which points are removed.
+        max_range: Range [m] above which points are removed.
+    """
 
     def __init__(self, size: float, min_range: float = 0.0, max_range: float = 1e9) -> None:
         self.size, self.min_range, self.max_range = size, min_range, max_range
         self._scratch = hash_table(1)
 
     def __call__(self, xyz: Array, weight: Array) -> tuple[Array, Array, Array]:
-        """Points (N, 3) and weights (N,), float32 -> centroids (M, 3), mean weights (M,), first point of each (M,)."""
+        """Downsample a cloud.
+
+        Args:
+            xyz: Points (N, 3) float32.
+            weight: Their weights (N,) float32.
+
+        Returns:
+            Centroids (M, 3), mean weights (M,), and the index (M,) of the first point of each cell.
+        """
         while True:
             *thinned, fits = kernels.downsample(xyz, weight, self.size, self.min_range, self.max_range, self._scratch)
             if fits:
@@ -32,20 +46,22 @@ class VoxelFilter:
 
 
 class VoxelGaussians:
-    """Gaussians of the points seen in each cubic cell, hashed; grows as needed, forgets what is far away.
+    """Gaussians of the points in each cubic cell, in a hash table that grows as needed.
 
-    min_points  cells that saw fewer have no Gaussian yet
-    max_points  cells that saw so many are not changed any more (a standing car would otherwise sharpen its own noise,
-                and each scan costs time)
-    floor       share of a covariance's trace that is added to its diagonal, so that planes stay invertible
-    surfaces    a point is held along the directions in which the cell's surface is thin; False: by the whole inverse
-                covariance of the cell, as in the paper
+    Args:
+        size: Size of the cells [m].
+        min_points: Minimum number of points for a Gaussian.
+        max_points: Number of points after which a cell is not updated any more (otherwise a standing car sharpens its
+            own noise, and each scan costs time).
+        floor: Share of a covariance's trace that is added to its diagonal, so that flat cells stay invertible.
+        surfaces: A point is constrained along the directions in which the cell's surface is thin; False: by the full
+            inverse covariance of the cell, as in the paper.
     """
 
     def __init__(self, size: float, min_points: int, max_points: int, floor: float, surfaces: bool = False) -> None:
         self.size, self.min_points, self.max_points, self.floor = size, min_points, max_points, floor
         self.surfaces = surfaces
-        self._pose = np.eye(4)  # of the last points that were added
+        self._pose = np.eye(4)  # of the last scan inserted
         self._sums, self._gaussians = np.zeros((0, 11)), np.zeros((0, kernels.GAUSSIAN))
         self._cell_keys = np.zeros(0, np.int64)
         self.clear()
@@ -54,11 +70,12 @@ class VoxelGaussians:
         return self._count
 
     def clear(self) -> None:
+        """Remove all cells."""
         self._count = 0
         self._allocate(max(4096, len(self._sums)))
 
     def insert(self, xyz: Array, weight: Array, pose: Array) -> None:
-        """Add points (N, 3) float32 with weights (N,) float32, seen from and moved by `pose` (4, 4)."""
+        """Add points (N, 3) float32 with weights (N,) float32, transformed by the sensor's pose (4, 4)."""
         if self._count + len(xyz) > len(self._sums):
             self._allocate(2 * (self._count + len(xyz)))
         self._pose = pose
@@ -68,13 +85,13 @@ class VoxelGaussians:
         )  # fmt: skip
 
     def evict(self, centre: Array, radius: float) -> None:
-        """Forget the cells further than `radius` [m] from `centre` (3,)."""
+        """Remove the cells further than `radius` [m] from `centre` (3,)."""
         self._count = kernels.evict(
             centre, radius, self._table, self._sums, self._gaussians, self._cell_keys, self._count
         )
 
     def coarser(self, factor: int) -> VoxelGaussians:
-        """The same points in cells `factor` times as large."""
+        """Return the same points in cells `factor` times as large."""
         coarse = VoxelGaussians(self.size * factor, self.min_points, self.max_points, self.floor, surfaces=True)
         if self._count > len(coarse._sums):
             coarse._allocate(self._count)
@@ -88,25 +105,27 @@ class VoxelGaussians:
     def normal_equations(
         self, xyz: Array, weight: Array, pose: Array, neighbours: int, kernel: float, scores: Array = NO_SCORES
     ) -> tuple[Array, Array, Array]:
-        """See `kernels.normal_equations`."""
+        """Return H, gradient and sums of one NDT linearisation, see `kernels.normal_equations`."""
         return kernels.normal_equations(
             xyz, weight, pose, self.size, neighbours, kernel, self._table, self._gaussians, scores
         )
 
-    def support(self, xyz: Array, weight: Array, pose: Array, kernel: float, axes: Array = AXES) -> tuple[Array, Array]:
-        """See `kernels.support`."""
+    def support(
+        self, xyz: Array, weight: Array, pose: Array, kernel: float, axes: Array = IDENTITY
+    ) -> tuple[Array, Array]:
+        """Return the directions that the surfaces face, see `kernels.support`."""
         return kernels.support(xyz, weight, pose, self.size, kernel, axes, self._table, self._gaussians)
 
     def evidence(
-        self, xyz: Array, weight: Array, pose: Array, relevance: Array, block: float, most: float, scratch: Array
+        self, xyz: Array, weight: Array, pose: Array, relevance: Array, block: float, max_weight: float, scratch: Array
     ) -> float:
-        """See `kernels.evidence`."""
+        """Return the evidence for a pose, see `kernels.evidence`."""
         return kernels.evidence(
-            xyz, weight, pose, relevance, self.size, block, most, self._table, self._gaussians, scratch
+            xyz, weight, pose, relevance, self.size, block, max_weight, self._table, self._gaussians, scratch
         )
 
     def _allocate(self, capacity: int) -> None:
-        """Room for so many cells, with those there are."""
+        """Grow to `capacity` cells, and keep the existing ones."""
         old = (self._sums, self._gaussians, self._cell_keys)
         self._sums, self._gaussians = np.zeros((capacity, 11)), np.zeros((capacity, kernels.GAUSSIAN))
         self._cell_keys = np.zeros(capacity, np.int64)

@@ -127,7 +127,7 @@ def test_times_that_are_no_seconds_are_refused(street_scans: list[Array]) -> Non
     fractions = PointCloud(scan[:, :3], scan[:, 3], time=np.linspace(0, 1, len(scan)))
     with (
         lidarlift.Slam() as slam,
-        pytest.raises(lidarlift.InputError, match=r"frame 0: .*span 1 s, .*neither fractions of the sweep"),
+        pytest.raises(lidarlift.InputError, match=r"frame 0: .*span 1 s, .*not fractions of the sweep"),
     ):
         slam.add(fractions, 0.0)
 

@@ -1,4 +1,4 @@
-"""Presets, files, overrides, and what is said about wrong ones."""
+"""Presets, files and overrides, and the errors of invalid ones."""
 
 from __future__ import annotations
 

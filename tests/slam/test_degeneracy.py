@@ -1,4 +1,4 @@
-"""Which way a degenerate scan does not hold the pose."""
+"""Unobservable directions of degenerate scans, in words."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slam.data.cloud import Array
-from slam.degeneracy import directions, rotations, sentence, translations
+from slam.degeneracy import directions, rotations, summary, translations
 
 STANDING, AHEAD = np.zeros(3), np.array([1.2, 0, 0])
 X, YAW = np.array([0, 0, 0, 1.0, 0, 0]), np.array([0, 0, 1.0, 0, 0, 0])
@@ -16,18 +16,18 @@ def unit(*components: float) -> Array:
     return np.array(components) / np.linalg.norm(components)
 
 
-def test_parts_are_unit_vectors_whose_sign_does_not_flip() -> None:
+def test_parts_are_unit_vectors_with_a_fixed_sign() -> None:
     unobserved = np.array([-X, unit(0, 0, 0.5, 0, -2, 1)])
     np.testing.assert_allclose(translations(unobserved), [[1, 0, 0], unit(0, 2, -1)], atol=1e-12)
     np.testing.assert_allclose(rotations(unobserved), [[0, 0, 1]], atol=1e-12)
 
 
-def test_what_is_small_beside_the_rest_is_not_told() -> None:
+def test_small_parts_are_not_reported() -> None:
     assert rotations(unit(0, 0, 0.05, 1, 0, 0)[None]).shape == (0, 3)
     assert translations(unit(0, 0, 1, 0.05, 0, 0)[None]).shape == (0, 3)
 
 
-def test_nothing_unobserved_is_nothing() -> None:
+def test_no_unobservable_directions_have_no_names() -> None:
     nothing = np.zeros((0, 6))
     assert translations(nothing).shape == rotations(nothing).shape == (0, 3)
     assert directions(nothing, AHEAD) == set()
@@ -45,7 +45,7 @@ def test_nothing_unobserved_is_nothing() -> None:
         (unit(0, 0, 0.3, 0, 1, 0), AHEAD, {"along y (sideways)", "about z (heading)"}),
     ],
 )
-def test_directions_by_their_names(unobserved: Array, motion: Array, names: set[str]) -> None:
+def test_names_of_directions(unobserved: Array, motion: Array, names: set[str]) -> None:
     assert directions(unobserved[None], motion) == names
 
 
@@ -61,7 +61,7 @@ TRAVEL, HEADING = {"along the direction of travel"}, {"about z (heading)"}
         ([set()] * 3, "in every direction"),
     ],
 )
-def test_it_is_said_in_one_sentence(found: list[set[str]], where: str) -> None:
-    assert sentence(found, 240) == (
-        f"3 of 240 frames degenerate: the scan did not hold the pose {where}; the prediction was kept there"
+def test_the_summary_is_one_sentence(found: list[set[str]], where: str) -> None:
+    assert summary(found, 240) == (
+        f"3 of 240 frames degenerate: the scan did not constrain the pose {where}; the prediction was kept there"
     )

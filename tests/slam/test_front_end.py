@@ -1,4 +1,4 @@
-"""What of a scan is registered."""
+"""Input selection: full scan or 16 rings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slam.settings import FrontEndSettings
 
 @pytest.fixture
 def frame() -> Frame:
-    """Two points a ring, top to bottom, all fields filled."""
+    """A frame with two points per ring, top to bottom, and all fields."""
     rng, count = np.random.default_rng(0), 128
     cloud = PointCloud(
         xyz=rng.uniform(-20, 20, (count, 3)),

@@ -22,7 +22,7 @@ STEP = 2.0  # metres from scan to scan, each of which becomes a keyframe
 
 
 def block(seed: int) -> Array:
-    """Points on walls, posts and boxes around the block, different along each of its sides."""
+    """Points on walls, posts and boxes around the block, different on each side."""
     rng = np.random.default_rng(seed)
     parts = []
     for _ in range(170):
@@ -40,7 +40,7 @@ def block(seed: int) -> Array:
 
 
 def way() -> Array:
-    """(N, 4, 4): a pose every STEP metres, once around and AGAIN on."""
+    """Poses (N, 4, 4), one every STEP metres, for one round and AGAIN more."""
     poses, metres = [], np.arange(0, 4 * SIDE + AGAIN, STEP)
     corners = np.array([[0, 0], [SIDE, 0], [SIDE, SIDE], [0, SIDE]])
     for metre in metres:
@@ -64,7 +64,7 @@ def scans() -> list[PointCloud]:
 
 
 def drifting(poses: Array) -> Array:
-    """As an odometry that turns 0.06 deg too far each metre."""
+    """Poses of an odometry with a heading drift of 0.06 deg per metre."""
     motion = se3.inverse(poses[:-1]) @ poses[1:]
     drift = se3.exp(STEP * np.array([0, 0, np.deg2rad(0.06), 0.004, 0, 0]))
     result = [poses[0]]
@@ -157,12 +157,12 @@ motions = st.tuples(
 
 
 def straight(start: Array) -> Array:
-    """Twelve poses (12, 4, 4) straight ahead."""
+    """Twelve poses (12, 4, 4) on a straight line."""
     return np.array([start @ se3.exp(np.array([0, 0, 0, 0.5 * number, 0, 0])) for number in range(12)])
 
 
 def bent(keyframes: Array, degrees: float) -> Array:
-    """The same keyframes (K, 4, 4), but from each to the next the way turns to the left."""
+    """The same keyframes (K, 4, 4) with a rotation to the left between successive ones."""
     turn, result = se3.exp(np.array([0, 0, np.deg2rad(degrees), 0, 0, 0])), [keyframes[0]]
     for motion in se3.inverse(keyframes[:-1]) @ keyframes[1:]:
         result.append(result[-1] @ turn @ motion)
@@ -171,7 +171,7 @@ def bent(keyframes: Array, degrees: float) -> Array:
 
 @given(odometry=motions, world=motions, bend=st.floats(-10, 10))
 def test_corrections_do_not_depend_on_the_origin(odometry: Array, world: Array, bend: float) -> None:
-    """Of the odometry's world and of the optimised one, each moved by up to 10 km and 60 deg an axis."""
+    """Origins of the odometry's and the optimised world, each moved by up to 10 km and 60 deg per axis."""
     poses = straight(np.eye(4))
     optimised = bent(poses[AT], bend)
     near = corrected_poses(poses, AT, poses[AT], optimised)
@@ -180,7 +180,7 @@ def test_corrections_do_not_depend_on_the_origin(odometry: Array, world: Array, 
 
 
 @given(start=motions, bend=st.floats(-10, 10))
-def test_keyframes_get_their_optimised_pose_and_move_the_ends(start: Array, bend: float) -> None:
+def test_keyframes_have_their_optimised_poses_and_correct_the_ends(start: Array, bend: float) -> None:
     poses = straight(start)
     optimised = bent(poses[AT], bend)
     found = corrected_poses(poses, AT, poses[AT], optimised)
@@ -192,7 +192,7 @@ def test_keyframes_get_their_optimised_pose_and_move_the_ends(start: Array, bend
 
 @pytest.mark.parametrize("away", [0.0, 2000.0, 10000.0])
 def test_corrected_frames_stay_on_the_path_far_from_the_start(away: float) -> None:
-    """Its distance from the straight line between two keyframes whose corrections are 2 deg apart, here 1.5 m."""
+    """At most 1.5 m from the straight line between two keyframes with corrections that differ by 2 deg."""
     start = se3.exp(np.array([0, 0, 0.3, away, 0, 0]))
     poses = straight(start)
     optimised = bent(poses[AT], 2.0)

@@ -1,4 +1,4 @@
-"""Poses at their stamps, whichever instant of the sweep these are of, and the same drive from files of any kind."""
+"""Poses at the stamps for any instant of the sweep, and equal results for all file formats."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FRAMES, EPOCH = 30, 1_700_000_000
 
 @pytest.fixture(scope="module")
 def simulation() -> Simulation:
-    """20 m/s straight on, seen by a VLP-16 that turns meanwhile."""
+    """A VLP-16 on a straight road at 20 m/s, with motion distortion."""
     return Simulation(SimulationConfig(drive="straight", spacing=2.0, sensor="vlp16", distort=True, camera=False))
 
 
@@ -40,7 +40,7 @@ def run(folder: Path, **said: str) -> Run:
 
 
 def ate(result: Run) -> float:
-    """Root mean square [m] of the distances to the truth, aligned."""
+    """Root mean square distance [m] to the ground truth after alignment."""
     truth = result.ground_truth
     assert truth is not None
     found, true = result.poses[:, :3, 3], truth[:, :3, 3]
@@ -49,7 +49,7 @@ def ate(result: Run) -> float:
     return float(np.sqrt(np.mean(np.sum(((found - found.mean(0)) @ turn.T - (true - true.mean(0))) ** 2, axis=1))))
 
 
-def test_poses_are_those_of_the_stamps(simulation: Simulation, frames: list[SimulatedFrame], tmp_path: Path) -> None:
+def test_poses_refer_to_the_stamps(simulation: Simulation, frames: list[SimulatedFrame], tmp_path: Path) -> None:
     """At 20 m/s half a sweep is a metre."""
     errors, steps = {}, {}
     for stamp in ("start", "middle", "end"):
@@ -69,8 +69,8 @@ def test_poses_are_those_of_the_stamps(simulation: Simulation, frames: list[Simu
     assert steps == pytest.approx(dict.fromkeys(steps, 2.0), abs=0.05)
 
 
-def test_a_stamp_that_is_said_is_the_one_that_poses_are_of(frames: list[SimulatedFrame], tmp_path: Path) -> None:
-    """The same files, taken for stamps of the start and of the end: the drive is the same, a sweep apart."""
+def test_poses_refer_to_the_stamp_that_is_set(frames: list[SimulatedFrame], tmp_path: Path) -> None:
+    """The same files with stamps of the start and of the end: the same trajectory, one sweep later."""
     layout = FolderLayout(tmp_path, 0.1, "start")
     for number, frame in enumerate(frames[:12]):
         layout.write(frame, number)
@@ -82,7 +82,7 @@ def test_a_stamp_that_is_said_is_the_one_that_poses_are_of(frames: list[Simulate
     clouds = [open_dataset(tmp_path, stamp=stamp)[3].cloud for stamp in ("start", "end")]
     np.testing.assert_allclose(clouds[0].time - clouds[1].time, 0.1, atol=1e-6)  # type: ignore[operator]
     apart = se3.inverse(runs["start"].poses[4:]) @ runs["end"].poses[4:]
-    assert np.abs(apart[:, :3, 3]).max() < 0.3  # both begin at their first stamp and drive evenly
+    assert np.abs(apart[:, :3, 3]).max() < 0.3  # both start at their first stamp with constant speed
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def pcd(data: str) -> Callable[[Array], bytes]:
             return header + rows(points)
         columns = b"".join(np.ascontiguousarray(points[name]).tobytes() for name in XYZI.names or ())
         blocks = [columns[at : at + 32] for at in range(0, len(columns), 32)]
-        packed = b"".join(bytes([len(block) - 1]) + block for block in blocks)  # LZF that repeats nothing
+        packed = b"".join(bytes([len(block) - 1]) + block for block in blocks)  # LZF without back references
         return header + struct.pack("<II", len(packed), len(columns)) + packed
 
     return content
@@ -129,7 +129,7 @@ def ply(form: str) -> Callable[[Array], bytes]:
 
 
 def rows(points: Array) -> bytes:
-    """With digits enough for float32."""
+    """Rows of text with enough digits for float32."""
     return "".join(" ".join(f"{value:.9g}" for value in point) + "\n" for point in points.tolist()).encode()
 
 
@@ -178,7 +178,7 @@ def expected(tables: list[Array]) -> Array:
 
 @pytest.mark.parametrize("names", NAMES)
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_same_trajectory_byte_for_byte(
+def test_all_formats_give_the_same_bytes(
     kind: str, names: str, tables: list[Array], expected: Array, tmp_path: Path
 ) -> None:
     suffix, content = KINDS[kind]

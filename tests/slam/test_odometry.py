@@ -1,4 +1,4 @@
-"""Odometry through a synthetic street and through real drives."""
+"""Odometry in a synthetic street and on real sequences."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def street() -> tuple[Array, Array, Array]:
 
 
 def tunnel() -> tuple[Array, Array, Array]:
-    """Bare, along x, without ends in sight."""
+    """A bare tunnel along x, with ends out of range."""
     low, along, across, up = [-90, -5, -1.7], [240, 0, 0], [0, 10, 0], [0, 0, 5.7]
     faces = [(low, along, across), ([-90, -5, 4], along, across), (low, along, up), ([-90, 5, -1.7], along, up)]
     corners, u, v = (np.array(column, float) for column in zip(*faces, strict=True))
@@ -62,7 +62,7 @@ STREET, TUNNEL = street(), tunnel()
 
 
 def scan(pose: Array, seed: int, density: float = 6.0, reach: float = 35.0, faces: tuple = STREET) -> PointCloud:
-    """The street from `pose`, sampled anew, with 1 cm noise."""
+    """A scan of the street at `pose`, sampled again, with 1 cm noise."""
     rng, (corner, u, v) = np.random.default_rng(seed), faces
     count = (density * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)).astype(int)
     face = np.repeat(np.arange(len(corner)), count)
@@ -104,7 +104,7 @@ def drive_with(odometry: Odometry, truth: Array, instead: dict[int, PointCloud] 
 
 
 def registered(odometry: Odometry, clouds: Iterable[PointCloud]) -> list[OdometryStep]:
-    """The steps of scans a sweep apart, those revised that were provisional."""
+    """The steps of scans one sweep apart, with the revised ones in place of the provisional ones."""
     steps: list[OdometryStep] = []
     for i, cloud in enumerate(clouds):
         step = odometry.register(cloud, 0.1 * i)
@@ -117,8 +117,8 @@ def steps() -> list[OdometryStep]:
     return drive_with(Odometry(settings()), drive(20))
 
 
-def test_a_drive_at_constant_speed_is_tracked(steps: list[OdometryStep]) -> None:
-    """From the first frame on, with no speed known, 1.4 m a frame."""
+def test_constant_speed_is_tracked(steps: list[OdometryStep]) -> None:
+    """From the first frame on, without a known speed, at 1.4 m per frame."""
     assert [step.status for step in steps] == ["registered"] * 20
     for step, truth in zip(steps, drive(20), strict=True):
         assert error(step, truth) < 0.05
@@ -131,15 +131,15 @@ def test_the_first_scan_is_the_origin(steps: list[OdometryStep]) -> None:
     assert all(step.registration is not None for step in steps[1:])
 
 
-def test_errors_of_the_motion_are_as_large_as_its_covariance_says(steps: list[OdometryStep]) -> None:
-    """Normalised squared error, per degree of freedom: 1 in the mean where it is true."""
+def test_the_covariance_of_the_motion_is_consistent(steps: list[OdometryStep]) -> None:
+    """NEES per degree of freedom: its mean is 1 for a consistent covariance."""
     motions, truths = (se3.inverse(p[:-1]) @ p[1:] for p in (np.array([step.pose for step in steps]), drive(20)))
     errors = [se3.log(se3.inverse(found) @ true) for found, true in zip(motions, truths, strict=True)]
     squares = [e @ np.linalg.solve(step.covariance, e) / 6 for e, step in zip(errors[3:], steps[4:], strict=True)]
     assert 0.3 < np.mean(squares) < 3
 
 
-def test_covariance_of_good_scans_is_small_and_positive(steps: list[OdometryStep]) -> None:
+def test_covariance_of_registered_scans_is_small_and_positive_definite(steps: list[OdometryStep]) -> None:
     for step in steps[1:]:
         assert np.linalg.eigvalsh(step.covariance)[0] > 0
         assert np.sqrt(np.diag(step.covariance)[3:]).max() < 0.1
@@ -154,7 +154,7 @@ def test_the_velocity_is_predicted() -> None:
 
 
 @pytest.mark.parametrize("bad", ["empty", "noise", "few", "nan"])
-def test_a_bad_scan_keeps_the_prediction(bad: str) -> None:
+def test_a_failed_scan_keeps_the_prediction(bad: str) -> None:
     truth, odometry = drive(14), Odometry(settings())
     nan = PointCloud(np.full((500, 3), np.nan), np.ones(500))
     cloud = {"empty": EMPTY, "noise": noise(0), "few": noise(0).select(np.arange(20)), "nan": nan}[bad]
@@ -164,7 +164,7 @@ def test_a_bad_scan_keeps_the_prediction(bad: str) -> None:
     assert step.status == "failed"
     np.testing.assert_allclose(step.pose, predicted, atol=1e-9)
     assert np.sqrt(np.diag(step.covariance)[3:]).min() >= 1.0
-    assert len(odometry.target) == size  # nothing of it is in the map
+    assert len(odometry.target) == size  # the scan is not in the map
     for i in range(9, 14):
         step = odometry.register(scan(truth[i], i), 0.1 * i)
         assert step.status != "failed"
@@ -172,8 +172,8 @@ def test_a_bad_scan_keeps_the_prediction(bad: str) -> None:
 
 
 @pytest.mark.parametrize(("faces", "status"), [(STREET, "registered"), (TUNNEL, "failed")], ids=["street", "tunnel"])
-def test_a_registration_that_is_unsure_along_one_direction_is_refused(faces: tuple, status: str) -> None:
-    """All but perfect fits, but by its covariance the one in the tunnel is four times as unsure along it."""
+def test_a_registration_with_a_large_sigma_along_one_direction_is_rejected(faces: tuple, status: str) -> None:
+    """Both fit almost perfectly, but in the tunnel the sigma along the axis is four times as large."""
     odometry = Odometry(settings(max_position_sigma=0.005))
     odometry.register(scan(np.eye(4), 0, faces=faces), 0.0)
     step = odometry.register(scan(drive(2)[1], 1, faces=faces), 0.1)
@@ -182,7 +182,7 @@ def test_a_registration_that_is_unsure_along_one_direction_is_refused(faces: tup
     assert step.status == status
 
 
-def test_a_bad_first_scan_is_survived() -> None:
+def test_tracking_starts_after_a_failed_first_scan() -> None:
     truth, odometry = drive(6), Odometry(settings())
     assert odometry.register(EMPTY, -0.1).status == "failed"
     found = drive_with(odometry, truth)
@@ -194,8 +194,8 @@ def test_a_bad_first_scan_is_survived() -> None:
     "preset",
     [None, "scan-to-scan", "icp"],
 )
-def test_many_empty_scans_in_a_row_are_survived(preset: str | None) -> None:
-    """So many that the map starts anew: every scan gets an answer, and the drive afterwards is tracked."""
+def test_tracking_continues_after_many_empty_scans(preset: str | None) -> None:
+    """Enough of them to restart the map: every scan has a step, and the rest of the sequence is tracked."""
     truth, odometry = drive(24), Odometry(load_config(preset).odometry)
     found = drive_with(odometry, truth, dict.fromkeys(range(8, 16), EMPTY))
     assert [step.status for step in found[8:16]] == ["failed"] * 8
@@ -204,14 +204,14 @@ def test_many_empty_scans_in_a_row_are_survived(preset: str | None) -> None:
     assert np.linalg.norm(moved[:3, 3] - true[:3, 3]) < 0.5
 
 
-def test_empty_scans_do_not_cost_the_map() -> None:
+def test_empty_scans_do_not_remove_the_map() -> None:
     truth, odometry = drive(17), Odometry(settings())
     step = drive_with(odometry, truth, dict.fromkeys(range(8, 16), EMPTY))[-1]
     assert error(step, truth[-1]) < 0.1
 
 
-def test_speeding_up_unseen_is_survived() -> None:
-    """Three empty scans during which the car gains 6 m/s: 1.8 m beside the prediction, within the search radius."""
+def test_acceleration_during_empty_scans_is_tracked() -> None:
+    """The car gains 6 m/s during three empty scans: 1.8 m off the prediction, within the search radius."""
     odometry, x, errors = Odometry(settings()), 0.0, []
     for i in range(22):
         truth = np.eye(4)
@@ -221,8 +221,8 @@ def test_speeding_up_unseen_is_survived() -> None:
     assert max(errors[-5:]) < 0.3
 
 
-def test_a_lasting_change_of_scene_is_survived() -> None:
-    """Carried elsewhere: before long the new place is tracked, from where the sensor is thought to be."""
+def test_a_new_scene_is_tracked_after_the_map_is_restarted() -> None:
+    """Moved to another place: the map is restarted there, at the predicted pose, and tracking continues."""
     odometry = Odometry(settings())
     drive_with(odometry, drive(6))
     elsewhere = se3.exp(np.array([0, 0, 1.0, 70, 0, 0]))
@@ -243,7 +243,7 @@ def test_a_lasting_change_of_scene_is_survived() -> None:
         ({"cell_sizes": (1.0,)}, 0.1),
     ],
 )
-def test_other_settings_run(values: dict[str, object], metres: float) -> None:
+def test_other_settings_track_the_street(values: dict[str, object], metres: float) -> None:
     truth = drive(10, speed=0.7)
     found = drive_with(Odometry(settings(**values)), truth)
     assert all(step.status != "failed" for step in found)
@@ -251,7 +251,7 @@ def test_other_settings_run(values: dict[str, object], metres: float) -> None:
 
 
 @pytest.mark.parametrize("stamps", [lambda i: 0.0 * i, lambda i: -0.1 * i, lambda i: 0.1 * (i if i < 5 else i - 5)])
-def test_stamps_that_do_not_rise_do_not_matter(stamps: Callable[[int], float]) -> None:
+def test_stamps_that_do_not_rise_do_not_affect_poses(stamps: Callable[[int], float]) -> None:
     truth, odometry = drive(10), Odometry(settings())
     found = [odometry.register(scan(T, i), stamps(i)) for i, T in enumerate(truth)]
     assert all(step.status != "failed" for step in found)
@@ -259,7 +259,7 @@ def test_stamps_that_do_not_rise_do_not_matter(stamps: Callable[[int], float]) -
     assert error(found[-1], truth[-1]) < 0.05
 
 
-def test_the_cloud_is_deskewed_and_raised() -> None:
+def test_the_cloud_is_deskewed_and_vertically_corrected() -> None:
     odometry = Odometry(settings(), vertical_correction=0.01)
     cloud = scan(np.eye(4), 0)
     step = odometry.register(cloud, 0.0)
@@ -267,8 +267,8 @@ def test_the_cloud_is_deskewed_and_raised() -> None:
     np.testing.assert_allclose(elevation[1] - elevation[0], 0.01, atol=1e-4)
 
 
-def test_a_scan_bent_by_motion_is_straightened() -> None:
-    """Each point as seen while the car went on: the whole drive at 1.4 m a frame is tracked as if it had stood."""
+def test_scans_with_motion_distortion_are_deskewed() -> None:
+    """Scans with motion distortion at 1.4 m per frame are tracked as accurately as undistorted ones."""
     truth, odometry = drive(12), Odometry(settings(), sweep_duration=0.1)
     motion, clouds = np.array([0, 0, HEADING, SPEED, 0, 0]), []
     for i, T in enumerate(truth):
@@ -279,7 +279,7 @@ def test_a_scan_bent_by_motion_is_straightened() -> None:
         xyz = np.empty_like(still.xyz)
         for k in range(40):
             middle = (slots[k] + slots[k + 1]) / 2
-            back = se3.exp(-(middle - 0.5) * motion)  # the sensor stands at T in the middle of the sweep
+            back = se3.exp(-(middle - 0.5) * motion)  # the pose at the middle of the sweep is T
             xyz[slot == k] = still.xyz[slot == k] @ back[:3, :3].T + back[:3, 3]
         clouds.append(PointCloud(xyz, still.intensity, time=0.1 * (time - 0.5)))
     found = registered(odometry, clouds)
@@ -288,7 +288,7 @@ def test_a_scan_bent_by_motion_is_straightened() -> None:
     assert np.linalg.norm(moved[:3, 3] - true[:3, 3]) < 0.1
 
 
-# ---- real drives
+# ---- real sequences
 
 
 def odometry_for(dataset: Dataset) -> Odometry:
@@ -302,7 +302,7 @@ def odometry_for(dataset: Dataset) -> Odometry:
 
 @dataclass
 class Tracked:
-    """A drive's steps, their clouds left out, which would take a gigabyte, and how large the map was after each."""
+    """The steps of a sequence, without their clouds of a gigabyte in total, and the size of the map after each."""
 
     steps: list[OdometryStep]
     sizes: list[int]
@@ -323,7 +323,7 @@ def through(dataset: Dataset, frames: Iterable[int]) -> Tracked:
 
 @pytest.fixture(scope="module")
 def whole(real_data: RealData) -> Callable[[str], Tracked]:
-    """`whole("kitti_raw_0013")`: all of that drive, tracked once."""
+    """`whole("kitti_raw_0013")`: the full sequence, tracked once."""
 
     @cache
     def tracked(name: str) -> Tracked:
@@ -339,7 +339,7 @@ def path_length(poses: Array) -> float:
 
 @pytest.mark.parametrize("every", [1, 2, 3])
 @pytest.mark.parametrize("name", ["kitti_odometry_04", "kitti_raw_0013"])
-def test_real_drives_are_tracked_with_frames_left_out(
+def test_real_sequences_are_tracked_with_missing_frames(
     real_data: RealData, whole: Callable[[str], Tracked], name: str, every: int
 ) -> None:
     dataset = open_dataset(real_data(name))
@@ -352,16 +352,16 @@ def test_real_drives_are_tracked_with_frames_left_out(
     assert error(found.steps[-1], truth[-1]) < 0.015 * path_length(truth)
 
 
-def test_ten_missing_frames_are_survived(real_data: RealData, whole: Callable[[str], Tracked]) -> None:
+def test_tracking_continues_after_ten_missing_frames(real_data: RealData, whole: Callable[[str], Tracked]) -> None:
     dataset = open_dataset(real_data("kitti_raw_0013"))
     frames = [i for i in range(61) if not 25 <= i < 35]
     found = through(dataset, frames)
     assert "failed" not in [step.status for step in found.steps]
     distance = np.linalg.norm(found.poses[:, :3, 3] - whole("kitti_raw_0013").poses[frames, :3, 3], axis=1)
-    assert distance.max() < 0.15  # 12 m of way without a scan cost no more than that
+    assert distance.max() < 0.15  # after 12 m without a scan
 
 
-def test_a_standing_car_stays_where_it_is(real_data: RealData) -> None:
+def test_a_standing_car_does_not_move(real_data: RealData) -> None:
     dataset = open_dataset(real_data("kitti_raw_0013"))
     frame, odometry, rng = dataset[0], odometry_for(dataset), np.random.default_rng(0)
     sizes = []
@@ -372,26 +372,26 @@ def test_a_standing_car_stays_where_it_is(real_data: RealData) -> None:
         assert np.linalg.norm(step.pose[:3, 3]) < 0.02
         sizes.append(len(odometry.target))
     assert np.rad2deg(se3.angle(step.pose)) < 0.02
-    assert sizes[-1] < 1.5 * sizes[0]  # the noise reaches a few cells more
+    assert sizes[-1] < 1.5 * sizes[0]  # a few more cells, from noise
 
 
-def test_the_map_is_bounded(whole: Callable[[str], Tracked]) -> None:
-    """The cells within 100 m, however long the way: 25,600 at most on this drive of 173 m."""
+def test_the_size_of_the_map_is_bounded(whole: Callable[[str], Tracked]) -> None:
+    """It has the cells within 100 m only: at most 25,600 on this sequence of 173 m."""
     sizes = whole("kitti_raw_0013").sizes
     assert max(sizes) < 30_000
-    assert sizes[-1] < 1.1 * max(sizes[60:90])  # it no longer grows
+    assert sizes[-1] < 1.1 * max(sizes[60:90])  # constant size
 
 
 @pytest.mark.parametrize("name", ["kitti_odometry_04", "kitti_raw_0013"])
-def test_two_runs_are_the_same_bit_for_bit(real_data: RealData, name: str) -> None:
+def test_odometry_is_deterministic(real_data: RealData, name: str) -> None:
     dataset = open_dataset(real_data(name))
     first, second = (through(dataset, range(15)) for _ in range(2))
     np.testing.assert_array_equal(first.poses, second.poses)
     np.testing.assert_array_equal([s.covariance for s in first.steps], [s.covariance for s in second.steps])
 
 
-def test_a_drive_may_begin_in_a_sharp_corner() -> None:
-    """Ten degrees and 1.5 m from the first frame to the second: neither is known yet."""
+def test_a_sequence_may_begin_in_a_sharp_corner() -> None:
+    """Ten degrees and 1.5 m from the first frame to the second, both unknown."""
     simulation = Simulation(SimulationConfig(spacing=1.5, camera=False))
     frames = range(184, 190)
     odometry, poses = Odometry(OdometrySettings()), []

@@ -1,4 +1,4 @@
-"""Odometry on a spinning LiDAR's scans of scenes that hold it, and of some that do not."""
+"""Odometry on scans of a spinning LiDAR, in observable and degenerate scenes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from slam.cell_sizes import sized
+from slam.cell_sizes import choose_sizes
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.odometry import Odometry, OdometryStep
@@ -19,7 +19,7 @@ from slam.registration.result import RegistrationResult
 from slam.settings import OdometrySettings
 
 Scene = Literal["tunnel", "plane", "street", "corridor"]
-Face = tuple[int, float, Array, Array]  # the axis that a rectangle stands across, where, its lowest and highest corner
+Face = tuple[int, float, Array, Array]  # normal axis of a rectangle, position along it, minimum and maximum corner
 
 ELEVATION = {16: np.deg2rad(np.linspace(15, -15, 16)), 64: np.deg2rad(np.linspace(2, -24.8, 64))}
 COLUMNS = 720
@@ -43,7 +43,7 @@ ENTRANCE = 27.3  # m; pillars until there, nothing beyond
 
 
 def tube(width: float, height: float) -> list[Face]:
-    """Along x, without ends."""
+    """Along x, with open ends."""
     low, high = [-1e3, -width / 2 - 1, -2], [1e3, width / 2 + 1, height]
     walls = [face(1, side * width / 2, low, high) for side in (-1, 1)]
     return [face(2, -1.7, low, high), face(2, height - 1.7, low, high), *walls]
@@ -56,7 +56,7 @@ def pillars() -> list[Face]:
 
 
 def street() -> list[Face]:
-    """Houses that stand back by different distances, with gaps, and cars before them."""
+    """Houses at different distances from the road, with gaps, and cars in front of them."""
     rng, faces = np.random.default_rng(3), [GROUND]
     for side in (-1, 1):
         x = -45.0
@@ -80,7 +80,7 @@ SCENES: dict[Scene, list[Face]] = {
 
 @cache
 def scan(scene: Scene, rings: int, x: float, seed: int) -> PointCloud:
-    """Of a level sensor at (x, 0, 0), ring after ring."""
+    """A scan of a level sensor at (x, 0, 0), ring by ring."""
     elevation, azimuth = np.meshgrid(ELEVATION[rings], np.arange(COLUMNS) / COLUMNS * 2 * np.pi, indexing="ij")
     flat = np.cos(elevation)
     beams = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1).reshape(-1, 3)
@@ -103,7 +103,7 @@ def scan(scene: Scene, rings: int, x: float, seed: int) -> PointCloud:
 def drive(
     scene: Scene, rings: int, metres: Array, stamps: Array | None = None, settings: OdometrySettings | None = None
 ) -> list[OdometryStep]:
-    """The steps, those revised that were provisional."""
+    """The steps, with the revised ones in place of the provisional ones."""
     odometry, steps = Odometry(settings or OdometrySettings()), list[OdometryStep]()
     times = 0.1 * np.arange(len(metres)) if stamps is None else stamps
     for seed, (x, time) in enumerate(zip(metres, times, strict=True)):
@@ -123,20 +123,20 @@ def poses_of(steps: Sequence[OdometryStep]) -> Array:
 
 
 def ahead(steps: Sequence[OdometryStep]) -> Array:
-    """(N - 1,) metres moved along the sensor's x axis."""
+    """Motions (N - 1,) [m] along the sensor's x axis."""
     poses = poses_of(steps)
     return (se3.inverse(poses[:-1]) @ poses[1:])[:, 0, 3]
 
 
 def off(steps: Sequence[OdometryStep], metres: Array) -> Array:
-    """(N, 3) metres from the truth to the poses."""
+    """Position errors (N, 3) [m]."""
     return np.asarray(poses_of(steps)[:, :3, 3] - np.outer(metres, [1, 0, 0]))
 
 
 # ---- a bare tunnel
 
-IN_SIGHT = evenly(60) < ENTRANCE + 20  # of the pillars, with many points
-INSIDE = evenly(60) > ENTRANCE + REACH + SPEED  # and those of the map are out of reach as well
+IN_SIGHT = evenly(60) < ENTRANCE + 20  # frames in which pillars with many points are visible
+INSIDE = evenly(60) > ENTRANCE + REACH + SPEED  # frames in which the pillars in the map are out of range too
 
 
 @pytest.fixture(scope="module", params=[16, 64])
@@ -149,7 +149,7 @@ def through_tunnel(rings: int) -> list[OdometryStep]:
     return drive("tunnel", rings, evenly(60))
 
 
-def test_a_bare_tunnel_is_told(through_tunnel: list[OdometryStep]) -> None:
+def test_the_axis_of_a_bare_tunnel_is_reported(through_tunnel: list[OdometryStep]) -> None:
     statuses = np.array([step.status for step in through_tunnel])
     assert np.isin(statuses[IN_SIGHT], ["registered", "retried"]).all()
     assert (statuses[INSIDE] == "degenerate").all()
@@ -159,8 +159,8 @@ def test_a_bare_tunnel_is_told(through_tunnel: list[OdometryStep]) -> None:
         assert abs(direction[3]) > np.cos(np.deg2rad(10))
 
 
-def test_in_a_tunnel_the_last_speed_goes_on(through_tunnel: list[OdometryStep]) -> None:
-    """In it to 2 %: registrations that hardly hold the axis any more come before. Across, walls hold the way."""
+def test_the_last_speed_is_kept_in_a_tunnel(through_tunnel: list[OdometryStep]) -> None:
+    """To 2 % in the tunnel: registrations before it hardly constrain the axis. The walls constrain the rest."""
     inside = np.flatnonzero(INSIDE)[1:] - 1
     np.testing.assert_allclose(ahead(through_tunnel)[inside], SPEED, rtol=0.02)
     along, across = np.abs(off(through_tunnel, evenly(60))[:, :2]).T
@@ -169,8 +169,8 @@ def test_in_a_tunnel_the_last_speed_goes_on(through_tunnel: list[OdometryStep]) 
     assert across.max() < 0.1
 
 
-def test_what_is_not_held_grows_uncertain(through_tunnel: list[OdometryStep]) -> None:
-    """Along the axis frame by frame, until it is seen again; across, not at all."""
+def test_the_covariance_grows_along_unobservable_directions(through_tunnel: list[OdometryStep]) -> None:
+    """Along the axis from frame to frame, until it is observable again; not across the axis."""
     spread = np.sqrt([np.diag(step.covariance)[3:] for step in np.array(through_tunnel, object)[INSIDE]])
     assert (np.diff(spread[:, 0]) > 0).all()
     assert spread[-1, 0] > 1.5 * spread[0, 0]
@@ -179,8 +179,8 @@ def test_what_is_not_held_grows_uncertain(through_tunnel: list[OdometryStep]) ->
 
 
 @pytest.mark.parametrize("change", [0.3, -0.3])
-def test_a_change_of_speed_unseen_is_within_what_is_stated(rings: int, change: float) -> None:
-    """By 0.3 m/s^2 for two seconds inside the tunnel: what the poses are off by, motion by motion and all in all."""
+def test_an_unobservable_acceleration_is_within_the_covariance(rings: int, change: float) -> None:
+    """0.3 m/s^2 for two seconds inside the tunnel: the errors of each motion and of all motions together."""
     speeds = np.full(59, SPEED)
     inside = np.flatnonzero(INSIDE)
     speeds[inside[1:] - 1] += 0.01 * change * np.arange(1, len(inside))
@@ -193,18 +193,18 @@ def test_a_change_of_speed_unseen_is_within_what_is_stated(rings: int, change: f
     assert abs(errors.sum()) < 3 * np.sqrt(variances).sum()
 
 
-def test_without_the_check_the_tunnel_is_driven_wrongly(rings: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """So the tests above do not pass by themselves."""
+def test_without_the_check_the_tunnel_is_tracked_wrongly(rings: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tests above do depend on the check."""
     monkeypatch.setattr(NdtTarget, "unobserved", lambda *_: np.zeros((0, 3)))
     steps = drive("tunnel", rings, evenly(60))
     assert not np.allclose(ahead(steps)[np.flatnonzero(INSIDE)[1:] - 1], SPEED, rtol=0.02)
     assert abs(off(steps, evenly(60))[-1, 0]) > 5
     variances = np.array([step.covariance[3, 3] for step in steps[1:]])
-    assert np.mean(((ahead(steps) - SPEED) ** 2 / variances)[INSIDE[1:]]) > 9  # and sure of it
+    assert np.mean(((ahead(steps) - SPEED) ** 2 / variances)[INSIDE[1:]]) > 9  # with a small sigma
 
 
-def test_a_last_registration_that_slipped_is_not_driven_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The scan before the axis is lost is put 20 cm too far ahead: that is no speed that goes on."""
+def test_the_velocity_of_one_wrong_registration_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last scan with an observable axis is registered 20 cm too far ahead: this velocity is not kept."""
     frame, align, unobserved = 0, NdtTarget.align, NdtTarget.unobserved
 
     def slipping(target: NdtTarget, *arguments: Array) -> RegistrationResult:
@@ -225,16 +225,16 @@ def test_a_last_registration_that_slipped_is_not_driven_on(monkeypatch: pytest.M
     np.testing.assert_allclose(ahead(steps)[13:], SPEED, atol=0.02)
 
 
-def test_a_street_with_houses_holds_everywhere(rings: int) -> None:
+def test_all_directions_of_a_street_with_houses_are_observable(rings: int) -> None:
     steps = drive("street", rings, evenly(30))
     assert [step.status for step in steps] == ["registered"] * 30
     assert all(step.unobserved.shape == (0, 6) for step in steps)
     assert np.abs(off(steps, evenly(30))[:, :2]).max() < 0.05
-    assert np.ptp(off(steps, evenly(30))[1:, 2]) < 0.1  # the first motion has a test of its own
+    assert np.ptp(off(steps, evenly(30))[1:, 2]) < 0.1  # the first motion is tested separately
 
 
-def test_the_first_motion_is_as_exact_as_it_says(rings: int) -> None:
-    """Sixteen rings of one scan hardly hold the height: then its covariance has to say so."""
+def test_the_covariance_of_the_first_motion_is_consistent(rings: int) -> None:
+    """Sixteen rings of one scan hardly constrain the height, and the covariance has to be large."""
     step = drive("street", rings, evenly(2))[1]
     error = se3.log(se3.inverse(step.pose) @ se3.exp(np.array([0, 0, 0, SPEED, 0, 0])))
     assert (np.abs(error) < 4 * np.sqrt(np.diag(step.covariance)) + 0.01).all()
@@ -248,7 +248,7 @@ def over_plane() -> list[OdometryStep]:
     return drive("plane", 64, evenly(20))
 
 
-def test_a_plane_leaves_two_directions_and_the_turn_about_its_normal(over_plane: list[OdometryStep]) -> None:
+def test_over_a_plane_two_directions_and_the_yaw_are_unobservable(over_plane: list[OdometryStep]) -> None:
     for step in over_plane[1:]:
         assert step.status == "degenerate"
         assert step.unobserved.shape == (3, 6)
@@ -259,8 +259,8 @@ def test_a_plane_leaves_two_directions_and_the_turn_about_its_normal(over_plane:
         assert np.abs(moves[:, [0, 1, 2, 5]]).max() < 0.05
 
 
-def test_over_a_plane_nothing_is_made_up(over_plane: list[OdometryStep]) -> None:
-    """Neither a way nor a turn, for none is known; height, pitch and roll are held."""
+def test_over_a_plane_no_motion_is_estimated(over_plane: list[OdometryStep]) -> None:
+    """No translation and no yaw, which are unknown; height, pitch and roll are observable."""
     poses = poses_of(over_plane)
     motions = np.array([se3.log(motion) for motion in se3.inverse(poses[:-1]) @ poses[1:]])
     assert np.linalg.norm(motions[:, 3:], axis=1).max() < 0.05
@@ -280,7 +280,7 @@ def along_street() -> list[OdometryStep]:
 
 
 @pytest.mark.parametrize("seconds", [2.0, 37.0, 3600.0, -2.0])
-def test_a_clock_that_is_set_changes_nothing(along_street: list[OdometryStep], seconds: float) -> None:
+def test_a_stepped_clock_does_not_affect_poses(along_street: list[OdometryStep], seconds: float) -> None:
     stamps = 0.1 * np.arange(24) + np.where(np.arange(24) >= 12, seconds, 0)
     steps = drive("street", 16, evenly(24), stamps)
     assert "failed" not in [step.status for step in steps]
@@ -295,14 +295,14 @@ def test_a_clock_that_is_set_changes_nothing(along_street: list[OdometryStep], s
         pytest.param(np.sort(np.append(0.1 * np.arange(23), 1.1 + 1e-6)), id="one"),
     ],
 )
-def test_stamps_a_microsecond_apart_do_no_harm(along_street: list[OdometryStep], stamps: Array) -> None:
+def test_stamps_a_microsecond_apart_do_not_affect_poses(along_street: list[OdometryStep], stamps: Array) -> None:
     steps = drive("street", 16, evenly(24), stamps)
     assert "failed" not in [step.status for step in steps]
     apart = np.linalg.norm(poses_of(steps)[:, :3, 3] - poses_of(along_street)[:, :3, 3], axis=1)
     assert apart.max() < 0.02
 
 
-def test_two_runs_over_a_drive_are_the_same_bit_for_bit(along_street: list[OdometryStep]) -> None:
+def test_odometry_is_deterministic(along_street: list[OdometryStep]) -> None:
     again = drive("street", 16, evenly(24))
     np.testing.assert_array_equal(poses_of(again), poses_of(along_street))
     for one, other in zip(again, along_street, strict=True):
@@ -313,38 +313,39 @@ def test_two_runs_over_a_drive_are_the_same_bit_for_bit(along_street: list[Odome
 
 
 @pytest.mark.parametrize("rings", [16, 64])
-def test_a_corridor_gets_finer_cells_than_a_street(rings: int) -> None:
-    narrow, wide = (sized(OdometrySettings(), scan(scene, rings, 0.0, 0).xyz) for scene in ("corridor", "street"))
+def test_cells_of_a_corridor_are_finer_than_those_of_a_street(rings: int) -> None:
+    clouds = (scan(scene, rings, 0.0, 0).xyz for scene in ("corridor", "street"))
+    narrow, wide = (choose_sizes(OdometrySettings(), xyz) for xyz in clouds)
     for name in ("voxel_size", "map_voxel_size", "min_range"):
         assert getattr(narrow, name) < 0.7 * getattr(wide, name)
     assert list(narrow.cell_sizes) < [0.7 * size for size in wide.cell_sizes]
     assert list(narrow.cell_sizes) == sorted(narrow.cell_sizes, reverse=True)
 
 
-def test_sizes_that_are_set_are_taken() -> None:
+def test_sizes_in_the_settings_are_kept() -> None:
     cloud = scan("corridor", 16, 0.0, 0).xyz
-    chosen = sized(OdometrySettings(), cloud)
-    assert sized(OdometrySettings(cell_sizes=(3.0, 1.2)), cloud).cell_sizes == (3.0, 1.2)
+    chosen = choose_sizes(OdometrySettings(), cloud)
+    assert choose_sizes(OdometrySettings(cell_sizes=(3.0, 1.2)), cloud).cell_sizes == (3.0, 1.2)
     for name in ("voxel_size", "map_voxel_size", "min_range"):
-        found = sized(OdometrySettings.model_validate({name: 0.77}), cloud)
+        found = choose_sizes(OdometrySettings.model_validate({name: 0.77}), cloud)
         assert getattr(found, name) == 0.77
         assert found.cell_sizes == chosen.cell_sizes
-    assert sized(OdometrySettings(min_range=0.0), cloud).min_range == 0.0
+    assert choose_sizes(OdometrySettings(min_range=0.0), cloud).min_range == 0.0
 
 
-def test_the_odometry_takes_its_sizes_from_the_first_scan() -> None:
+def test_sizes_are_chosen_from_the_first_scan() -> None:
     first, second = (scan(scene, 16, 0.0, 0) for scene in ("corridor", "street"))
     odometry = Odometry(OdometrySettings())
     odometry.register(PointCloud(np.zeros((0, 3)), np.zeros(0)), 0.0)
     assert odometry.sizes is None
     for time, cloud in ((0.1, first), (0.2, second)):
         odometry.register(cloud, time)
-        assert odometry.sizes == sized(OdometrySettings(), first.xyz)
+        assert odometry.sizes == choose_sizes(OdometrySettings(), first.xyz)
 
 
 @pytest.mark.parametrize("factor", [0.75, 1.5])
-def test_other_sizes_still_give_the_drive(rings: int, factor: float) -> None:
-    chosen = sized(OdometrySettings(), scan("street", rings, 0.0, 0).xyz)
+def test_other_sizes_track_the_sequence(rings: int, factor: float) -> None:
+    chosen = choose_sizes(OdometrySettings(), scan("street", rings, 0.0, 0).xyz)
     scaled = {
         "cell_sizes": tuple(factor * size for size in chosen.cell_sizes),
         **{name: factor * getattr(chosen, name) for name in ("voxel_size", "map_voxel_size")},

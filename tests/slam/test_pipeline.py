@@ -1,4 +1,4 @@
-"""From a drive's scans to poses and a map."""
+"""The pipeline: from the scans of a sequence to poses and a map."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def distances(result: Run, truth: Array) -> Array:
 
 
 def aligned_ate(result: Run) -> float:
-    """Root mean square distance after the best rigid alignment of the positions [m], done afresh here."""
+    """Root mean square distance [m] after rigid alignment of the positions; an independent implementation."""
     truth = result.ground_truth
     assert truth is not None
     ours, theirs = result.poses[:, :3, 3], truth[:, :3, 3]
@@ -40,7 +40,7 @@ def aligned_ate(result: Run) -> float:
     return float(np.sqrt(np.mean(np.sum((a @ R.T - b) ** 2, axis=1))))
 
 
-def test_a_drive_is_tracked(street_drive: Drive, street_poses: Array) -> None:
+def test_a_sequence_is_tracked(street_drive: Drive, street_poses: Array) -> None:
     result = run(street_drive())
     assert result.counts() == {"frames": 8, "registered": 8, "retried": 0, "degenerate": 0, "failed": 0}
     np.testing.assert_array_equal(result.poses[0], np.eye(4))
@@ -53,8 +53,8 @@ def test_a_drive_is_tracked(street_drive: Drive, street_poses: Array) -> None:
     assert not result.deskewed
 
 
-def test_16_channels_are_a_quarter_of_the_scan(street_drive: Drive, street_poses: Array) -> None:
-    """And tracked, though in a street so bare the rings, which move along with the car, look best where it stood."""
+def test_16_channels_are_tracked_with_a_quarter_of_the_points(street_drive: Drive, street_poses: Array) -> None:
+    """The street has few features, and the ring pattern, which moves with the car, fits best without motion."""
     result = run(street_drive(), input="16")
     assert [record.points for record in result.records] == [16 * 600] * 8
     counts = result.counts()
@@ -62,14 +62,14 @@ def test_16_channels_are_a_quarter_of_the_scan(street_drive: Drive, street_poses
     assert distances(result, street_poses).max() < 0.1
 
 
-def test_the_map_lies_on_the_street(street_drive: Drive) -> None:
+def test_the_map_points_are_on_the_street(street_drive: Drive) -> None:
     points = run(street_drive()).map
     assert len(points) > 10_000
     ground = points.xyz[(np.abs(points.xyz[:, 1]) < 5) & (points.xyz[:, 0] < 30) & (points.xyz[:, 0] > -20)]
     assert np.median(ground[:, 2]) == pytest.approx(-1.7, abs=0.03)
 
 
-def test_runs_repeat_bit_for_bit(street_drive: Drive) -> None:
+def test_runs_are_deterministic(street_drive: Drive) -> None:
     path = street_drive()
     one, two = run(path), run(path)
     np.testing.assert_array_equal(one.poses, two.poses)
@@ -78,13 +78,13 @@ def test_runs_repeat_bit_for_bit(street_drive: Drive) -> None:
     np.testing.assert_array_equal(one.map.intensity, two.map.intensity)
 
 
-def test_a_pipeline_can_be_used_again(street_drive: Drive) -> None:
+def test_a_pipeline_can_run_twice(street_drive: Drive) -> None:
     pipeline, data = Pipeline(), open_dataset(street_drive())
     np.testing.assert_array_equal(pipeline.run(data).poses, pipeline.run(data).poses)
 
 
 class HalvingFrontEnd:
-    """Every second point; remembers what it was shown."""
+    """Keeps every second point; records its arguments."""
 
     def __init__(self) -> None:
         self.given: list[PointCloud] = []
@@ -96,7 +96,7 @@ class HalvingFrontEnd:
         return self.given[-1]
 
 
-def test_another_front_end_sees_the_frames_and_the_past(street_drive: Drive, street_poses: Array) -> None:
+def test_another_front_end_receives_the_frames_and_the_history(street_drive: Drive, street_poses: Array) -> None:
     front_end = HalvingFrontEnd()
     result = Pipeline(make_front_end=lambda: front_end).run(open_dataset(street_drive()))
     assert [record.points for record in result.records] == [64 * 300] * 8
@@ -106,7 +106,7 @@ def test_another_front_end_sees_the_frames_and_the_past(street_drive: Drive, str
         first = i - len(history)
         assert all(cloud is front_end.given[first + k] for k, (cloud, _) in enumerate(history))
         for k, (_, T_now_then) in enumerate(history):
-            if i >= 2:  # before, no velocity is known
+            if i >= 2:  # the velocity is unknown before
                 truth = se3.inverse(street_poses[i]) @ street_poses[first + k]
                 assert np.linalg.norm(T_now_then[:3, 3] - truth[:3, 3]) < 0.1
                 assert np.rad2deg(se3.angle(se3.inverse(truth) @ T_now_then)) < 0.5
@@ -124,29 +124,29 @@ def test_frames_are_a_slice_of_positions(street_drive: Drive, street_poses: Arra
 
 
 @pytest.mark.parametrize("frames", [slice(8, 20), slice(4, 4), slice(5, 2)])
-def test_no_frames_left_is_an_input_error(street_drive: Drive, frames: slice) -> None:
+def test_no_selected_frames_are_an_error(street_drive: Drive, frames: slice) -> None:
     with pytest.raises(InputError, match="no frames in that range; the drive has 8"):
         Pipeline().run(open_dataset(street_drive()), frames)
 
 
-def test_deskewing_needs_times(street_drive: Drive) -> None:
-    with pytest.raises(InputError, match="no times to deskew by"):
+def test_deskewing_requires_times(street_drive: Drive) -> None:
+    with pytest.raises(InputError, match="the points have no times"):
         run(street_drive(), "front_end.deskew=true")
 
 
 @pytest.mark.parametrize("deskew", [True, False, None])
-def test_deskewing_is_switched(street_drive: Drive, deskew: bool | None) -> None:
-    """A sensor.yaml that says nothing of compensation gives points times; deskewing moves them."""
+def test_deskewing_can_be_switched_off(street_drive: Drive, deskew: bool | None) -> None:
+    """Points have times if sensor.yaml does not state motion compensation, and deskewing changes the poses."""
     path = street_drive()
     (path / "sensor.yaml").write_text("model: hdl64\n")
     overrides = [] if deskew is None else [f"front_end.deskew={str(deskew).lower()}"]
     assert run(path, *overrides).deskewed is (deskew is not False)
 
 
-def test_damaged_scans_are_counted_and_gone_around(
+def test_damaged_scans_are_counted_and_skipped(
     street_drive: Drive, street_scans: list[Array], street_poses: Array
 ) -> None:
-    """NaN in scan 2, scan 4 cut in the middle of a point, nothing in scan 6."""
+    """NaN in scan 2, scan 4 truncated within a point, scan 6 empty."""
     holes = street_scans[2].copy()
     holes[::10, 1] = np.nan
     path = street_drive({2: holes, 4: street_scans[4].tobytes()[: 20_000 * 16 + 5], 6: b""})
@@ -165,13 +165,13 @@ def test_damaged_scans_are_counted_and_gone_around(
     assert [record.status for record in result.records].index("failed") == 6
     assert distances(result, street_poses).max() < 0.1
     assert np.isfinite(result.map.xyz).all()
-    # An empty scan keeps the prediction, and says how little that is worth.
+    # An empty scan keeps the prediction, with a large covariance.
     assert result.records[6].points == 0
     assert result.records[6].covariance[3, 3] > 1 > result.records[7].covariance[3, 3]
 
 
 @pytest.mark.parametrize("channels", ["64", "16"])
-def test_an_all_nan_scan_is_an_empty_one(street_drive: Drive, street_poses: Array, channels: str) -> None:
+def test_a_scan_of_nan_is_empty(street_drive: Drive, street_poses: Array, channels: str) -> None:
     result = run(street_drive({4: np.full((1000, 4), np.nan)}), input=channels)
     assert result.counts() | {"failed": 1, "empty_scan": 1} == result.counts()
     if channels == "64":
@@ -186,21 +186,21 @@ def test_the_first_scan_may_be_empty(street_drive: Drive, street_poses: Array) -
     assert moved[:, :3, 3] == pytest.approx((se3.inverse(street_poses[1]) @ street_poses[2:])[:, :3, 3], abs=0.1)
 
 
-def test_nothing_but_empty_scans_still_ends(street_drive: Drive) -> None:
+def test_a_sequence_of_empty_scans_finishes(street_drive: Drive) -> None:
     result = run(street_drive(dict.fromkeys(range(8), b"")))
     assert result.counts()["failed"] == 8
     assert len(result.map) == 0
 
 
 def test_a_scan_off_the_laser_lines_does_not_end_a_16_channel_run(street_drive: Drive) -> None:
-    """One scan of noise, as a wrong file or bad bytes give: at 64 channels it is counted and the run goes on."""
+    """One scan of noise, as from a wrong or damaged file: with 64 channels it is counted and the run goes on."""
     noise = np.random.default_rng(0).uniform(-30, 30, (20_000, 4))
     assert run(street_drive({4: noise}), input="16").counts()["ring_count"] == 1
 
 
 @pytest.fixture
 def own_folder(tmp_path: Path, street_scans: list[Array]) -> Path:
-    """The street as a folder of .npy scans whose points have times; scan 3 cannot be read."""
+    """The street as a folder of .npy scans with point times; scan 3 cannot be read."""
     columns = np.dtype([(name, "f4") for name in ("x", "y", "z", "intensity", "time")])
     (tmp_path / "own").mkdir()
     for number, scan in enumerate(street_scans):
@@ -219,11 +219,11 @@ def test_a_scan_that_cannot_be_read_is_counted(own_folder: Path) -> None:
     assert result.counts() | {"frames": 8, "failed": 1, "missing_scan": 1} == result.counts()
 
 
-def test_deskewing_on_request_survives_a_scan_that_cannot_be_read(own_folder: Path) -> None:
+def test_required_deskewing_skips_a_scan_that_cannot_be_read(own_folder: Path) -> None:
     assert run(own_folder, "front_end.deskew=true").counts()["missing_scan"] == 1
 
 
-def test_whether_it_was_deskewed_is_not_the_first_scans_to_say(own_folder: Path) -> None:
+def test_a_run_is_deskewed_if_a_later_scan_has_times(own_folder: Path) -> None:
     (own_folder / "0.npy").write_bytes(b"junk")
     assert run(own_folder).deskewed
 
@@ -236,12 +236,12 @@ def test_strict_stops_at_the_first_problem(street_drive: Drive, street_scans: li
     assert [record.index for record in seen] == [0, 1, 2]
 
 
-def test_strict_does_not_mind_a_sound_drive(street_drive: Drive) -> None:
+def test_strict_accepts_an_undamaged_sequence(street_drive: Drive) -> None:
     data = open_dataset(street_drive())
     assert len(Pipeline().run(data, slice(3), strict=True).records) == 3
 
 
-def test_strict_minds_the_data_set_too(street_drive: Drive) -> None:
+def test_strict_stops_at_a_problem_of_the_data_set(street_drive: Drive) -> None:
     path = street_drive()
     (path / "times.txt").unlink()
     with pytest.raises(InputError, match=r"times\.txt"):
@@ -249,20 +249,20 @@ def test_strict_minds_the_data_set_too(street_drive: Drive) -> None:
 
 
 def without(path: Path, *numbers: int) -> Dataset:
-    """The drive without these scans."""
+    """The sequence without these scans."""
     for number in numbers:
         (path / "velodyne" / f"{number:06d}.bin").unlink()
     return open_dataset(path)
 
 
-def test_missing_scans_do_not_lengthen_the_sweep(street_drive: Drive) -> None:
-    """Three of the four stamps left are two sweeps after the one before."""
+def test_missing_scans_do_not_change_the_sweep_duration(street_drive: Drive) -> None:
+    """Three of the four remaining stamps are two sweeps after the previous one."""
     data = without(street_drive(), 1, 3, 5)
     assert np.diff(data.stamps) == pytest.approx([0.2, 0.2, 0.2, 0.1])
     assert sweep_duration(data) == pytest.approx(0.1)
 
 
-def test_files_named_by_their_times_do_not_shorten_the_sweep(tmp_path: Path) -> None:
+def test_files_named_by_times_do_not_change_the_sweep_duration(tmp_path: Path) -> None:
     stamps = 1.4e9 + 0.1 * np.arange(5)
     for stamp in stamps:
         np.save(tmp_path / f"{stamp * 1e6:.0f}.npy", np.zeros((10, 4), np.float32))
@@ -270,8 +270,8 @@ def test_files_named_by_their_times_do_not_shorten_the_sweep(tmp_path: Path) -> 
     assert sweep_duration(open_dataset(tmp_path)) == pytest.approx(0.1, abs=1e-5)
 
 
-def test_missing_scans_are_told_once(street_drive: Drive) -> None:
-    """By the numbering: the stamps, which jump by as much, are not told as well."""
+def test_missing_scans_are_reported_once(street_drive: Drive) -> None:
+    """Reported from the numbering; the jump of the stamps is not reported as well."""
     data = without(street_drive(), *range(1, 7))
     assert data.stamps == pytest.approx([0.0, 0.7])
     assert [problem.kind for problem in Pipeline().run(data).problems] == ["gap in numbering"]
@@ -279,7 +279,7 @@ def test_missing_scans_are_told_once(street_drive: Drive) -> None:
 
 @pytest.fixture
 def clock_set(street_drive: Drive) -> Path:
-    """From scan 5 on the clock is a minute ahead."""
+    """The clock is a minute ahead from scan 5 on."""
     path = street_drive()
     (path / "times.txt").write_text("".join(f"{0.1 * number + 60 * (number >= 5)}\n" for number in range(8)))
     return path
@@ -291,14 +291,14 @@ def test_a_clock_that_jumps_is_counted(clock_set: Path) -> None:
     assert result.problems[0].message.startswith("frame 5: its stamp, 60.500 s, is 60.100 s after that of frame 4")
 
 
-def test_strict_minds_a_clock_that_jumps(clock_set: Path) -> None:
+def test_strict_stops_at_a_clock_that_jumps(clock_set: Path) -> None:
     seen: list[FrameRecord] = []
     with pytest.raises(InputError, match="frame 5: its stamp"):
         Pipeline().run(open_dataset(clock_set), strict=True, on_frame=seen.append)
     assert [record.index for record in seen] == [0, 1, 2, 3, 4]
 
 
-def test_missing_scans_are_gone_around(street_drive: Drive, street_poses: Array) -> None:
+def test_missing_scans_are_skipped(street_drive: Drive, street_poses: Array) -> None:
     result = Pipeline().run(without(street_drive(), 3, 4))
     assert result.counts()["gap_in_numbering"] == 1
     assert distances(result, street_poses[[0, 1, 2, 5, 6, 7]]).max() < 0.05
@@ -315,15 +315,15 @@ def test_presets_run(street_drive: Drive, street_poses: Array, preset: str) -> N
 
 
 @pytest.mark.parametrize(("channels", "limit"), [("64", 0.04), ("16", 0.05)])
-def test_a_real_drive(real_data: RealData, channels: str, limit: float) -> None:
+def test_a_real_sequence_is_tracked(real_data: RealData, channels: str, limit: float) -> None:
     result = run(real_data("kitti_odometry_04"), input=channels)
     assert result.counts() == {"frames": 51, "registered": 51, "retried": 0, "degenerate": 0, "failed": 0}
     assert aligned_ate(result) < limit
 
 
 @pytest.mark.parametrize("pattern", ["every-4th", "vlp16", "average-pool"])
-def test_sparse_rings_do_not_hold_the_car_back(real_data: RealData, pattern: str) -> None:
-    """The rings move along with the car: at start-up they ask for standing still. 1.2 m a frame here."""
+def test_sparse_rings_do_not_reduce_the_motion(real_data: RealData, pattern: str) -> None:
+    """The ring pattern moves with the car and fits without motion at the start; here 1.2 m per frame."""
     config = load_config(None, [f"front_end.drop={pattern}"], input="16")
     result = Pipeline(config).run(open_dataset(real_data("kitti_raw_0013")), slice(40))
     assert result.counts()["failed"] == 0
@@ -332,8 +332,8 @@ def test_sparse_rings_do_not_hold_the_car_back(real_data: RealData, pattern: str
     assert np.linalg.norm(result.poses[-1, :3, 3]) == pytest.approx(np.linalg.norm(truth[-1, :3, 3]), rel=0.02)
 
 
-def test_a_real_scan_of_39_rings(real_data: RealData, tmp_path: Path) -> None:
-    """Every fourth of the rings that are left, by their numbers."""
+def test_a_real_scan_with_39_rings(real_data: RealData, tmp_path: Path) -> None:
+    """Every fourth of the remaining rings, by their indices."""
     source = real_data("kitti_odometry_04") / "sequences" / "04"
     folder = tmp_path / "sequences" / "04"
     (folder / "velodyne").mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""What a run leaves on disk."""
+"""The files of a run folder."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def run(path: Path, frames: slice = slice(None)) -> Run:
     return Pipeline(load_config()).run(open_dataset(path), frames)
 
 
-def test_the_run_folder_is_whole(street_drive: Drive, street_poses: Array, tmp_path: Path) -> None:
+def test_the_run_folder_is_complete(street_drive: Drive, street_poses: Array, tmp_path: Path) -> None:
     result = run(street_drive())
     folder = save_run(result, tmp_path / "deep" / "run")
     assert sorted(file.name for file in folder.iterdir()) == [
@@ -54,7 +54,7 @@ def test_the_run_folder_is_whole(street_drive: Drive, street_poses: Array, tmp_p
     assert len(read_points(folder / "map.pcd").xyz) == len(result.map)
 
 
-def test_run_json_says_how_it_was_run(street_drive: Drive, tmp_path: Path) -> None:
+def test_run_json_has_the_protocol(street_drive: Drive, tmp_path: Path) -> None:
     path = street_drive({5: b""})
     result = run(path, slice(2, 8))
     report = read_report(save_run(result, tmp_path / "run"))
@@ -82,7 +82,7 @@ def test_run_json_says_how_it_was_run(street_drive: Drive, tmp_path: Path) -> No
     assert np.array(report["T_camera0_lidar"]).shape == (4, 4)
 
 
-def test_timings_have_a_row_a_frame(street_drive: Drive, tmp_path: Path) -> None:
+def test_timings_have_a_row_per_frame(street_drive: Drive, tmp_path: Path) -> None:
     folder = save_run(run(street_drive(), slice(1, 5)), tmp_path / "run")
     with (folder / "timings.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -95,7 +95,7 @@ def test_timings_have_a_row_a_frame(street_drive: Drive, tmp_path: Path) -> None
 
 
 class Tunnel:
-    """An odometry that goes 1.4 m ahead each scan; of the last three scans it does not know how far."""
+    """Odometry with a motion of 1.4 m per scan, which is unobservable in the last three scans."""
 
     sizes = None
 
@@ -116,7 +116,7 @@ class Tunnel:
         return OdometryStep(pose, np.eye(6), "degenerate", None, cloud, unobserved)
 
 
-def test_degenerate_frames_are_told(street_scans: list[Array], tmp_path: Path) -> None:
+def test_degenerate_frames_are_reported(street_scans: list[Array], tmp_path: Path) -> None:
     with Slam(odometry=Tunnel()) as slam:
         for number, scan in enumerate(street_scans):
             record = slam.add(Frame(number, 0.1 * number, PointCloud(scan[:, :3], scan[:, 3])))
@@ -139,12 +139,12 @@ def test_degenerate_frames_are_told(street_scans: list[Array], tmp_path: Path) -
     assert report["notes"] == result.notes()
     (note,) = result.notes()
     assert note == (
-        "3 of 8 frames degenerate: the scan did not hold the pose along the direction of travel in 3, "
+        "3 of 8 frames degenerate: the scan did not constrain the pose along the direction of travel in 3, "
         "about z (heading) in 1, along y (sideways) in 1; the prediction was kept there"
     )
 
 
-def test_truth_of_only_some_frames(street_drive: Drive, tmp_path: Path) -> None:
+def test_ground_truth_of_some_frames(street_drive: Drive, tmp_path: Path) -> None:
     path = street_drive()
     poses = path.parent.parent / "poses" / "77.txt"
     poses.write_text("".join(poses.read_text().splitlines(keepends=True)[:5]))
@@ -155,7 +155,7 @@ def test_truth_of_only_some_frames(street_drive: Drive, tmp_path: Path) -> None:
     assert stamps == pytest.approx(0.1 * np.arange(5))
 
 
-def test_an_earlier_runs_truth_does_not_stay(street_drive: Drive, tmp_path: Path) -> None:
+def test_the_ground_truth_of_an_earlier_run_is_removed(street_drive: Drive, tmp_path: Path) -> None:
     path, folder = street_drive(), tmp_path / "run"
     save_run(run(path, slice(3)), folder)
     (folder / "metrics.json").write_text("{}")
@@ -165,7 +165,7 @@ def test_an_earlier_runs_truth_does_not_stay(street_drive: Drive, tmp_path: Path
     assert not (folder / "metrics.json").exists()
 
 
-def test_run_json_is_strict_json_even_where_all_failed(street_drive: Drive, tmp_path: Path) -> None:
+def test_run_json_is_strict_json_even_if_all_frames_failed(street_drive: Drive, tmp_path: Path) -> None:
     def refuse(name: str) -> None:
         raise AssertionError(name)
 
@@ -175,8 +175,8 @@ def test_run_json_is_strict_json_even_where_all_failed(street_drive: Drive, tmp_
     assert report["counts"]["failed"] == 8
 
 
-def test_the_odometry_is_saved_without_what_comes_after_it(street_drive: Drive, tmp_path: Path) -> None:
-    """The folder is of one run at any time: the earlier one's map and report go when new poses come."""
+def test_saving_the_odometry_removes_later_results(street_drive: Drive, tmp_path: Path) -> None:
+    """The folder has files of one run only: an earlier map and report are removed when new poses are written."""
     result, folder = run(street_drive(), slice(3)), tmp_path / "run"
     save_run(result, folder)
     (folder / "metrics.json").write_text("{}")
@@ -190,7 +190,7 @@ def test_the_odometry_is_saved_without_what_comes_after_it(street_drive: Drive, 
     assert read_poses(folder / "odometry_tum.txt")[1] == pytest.approx(result.odometry_poses, abs=1e-8)
 
 
-def test_an_earlier_runs_map_does_not_stay(street_drive: Drive, tmp_path: Path) -> None:
+def test_the_map_of_an_earlier_run_is_removed(street_drive: Drive, tmp_path: Path) -> None:
     path, folder = street_drive(), tmp_path / "run"
     save_run(run(path, slice(1)), folder)
     for scan in (path / "velodyne").iterdir():
@@ -199,7 +199,7 @@ def test_an_earlier_runs_map_does_not_stay(street_drive: Drive, tmp_path: Path) 
     assert not (folder / "map.pcd").exists()
 
 
-def test_a_folder_that_cannot_be_written(street_drive: Drive, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_an_error(street_drive: Drive, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("mine")
     with pytest.raises(InputError, match="cannot be written"):
         save_run(run(street_drive(), slice(1)), tmp_path / "taken")
@@ -207,7 +207,7 @@ def test_a_folder_that_cannot_be_written(street_drive: Drive, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("content", [None, "{", "\xff"])
-def test_no_run_to_read(tmp_path: Path, content: str | None) -> None:
+def test_a_folder_without_a_run_is_an_error(tmp_path: Path, content: str | None) -> None:
     if content is not None:
         (tmp_path / "run.json").write_text(content, encoding="latin-1")
     with pytest.raises(InputError, match="name a folder that `lidarlift run` wrote"):

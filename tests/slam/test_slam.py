@@ -1,4 +1,4 @@
-"""SLAM frame by frame: what is known before the end."""
+"""SLAM frame by frame: results before the end."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from slam.data.errors import InputError
 from slam.odometry import OdometryStep
 from slam.pipeline import Slam
 
-SIDE, FRAMES = 24.0, 112  # metres, of a square block that is driven around once and a bit
+SIDE, FRAMES = 24.0, 112  # m, side of a square block; more than one round
 
 
 def way() -> Array:
-    """(N, 4, 4): a pose a metre."""
+    """Poses (N, 4, 4), one per metre."""
     corners, poses = np.array([[0, 0], [SIDE, 0], [SIDE, SIDE], [0, SIDE]]), []
     for metre in np.arange(0.0, FRAMES):
         side, along = int(metre // SIDE) % 4, metre % SIDE
@@ -30,7 +30,7 @@ def way() -> Array:
 
 
 def scan(pose: Array) -> PointCloud:
-    """What is within 30 m of posts, boxes and the ground around the block."""
+    """Points within 30 m, on posts, boxes and the ground around the block."""
     rng = np.random.default_rng(1)
     centres = rng.uniform(-25, SIDE + 25, (120, 1, 2))
     boxes = centres + rng.uniform(-1, 1, (120, 40, 2)) * rng.uniform(0.2, 2, (120, 1, 2))
@@ -44,7 +44,7 @@ def scan(pose: Array) -> PointCloud:
 
 
 class Drifting:
-    """An odometry that turns 0.03 deg and moves 1 cm too far each metre."""
+    """Odometry with a drift of 0.03 deg and 1 cm per metre."""
 
     sizes = None
 
@@ -80,11 +80,11 @@ def off(poses: Array) -> Array:
     return np.linalg.norm(poses[:, :3, 3] - way()[: len(poses), :3, 3], axis=1)
 
 
-def test_the_trajectory_so_far_has_the_loops_so_far(frames: list[Frame]) -> None:
+def test_the_trajectory_so_far_is_corrected_by_the_loops_so_far(frames: list[Frame]) -> None:
     with slam() as it:
         for frame in frames[:90]:
             it.add(frame)
-        np.testing.assert_array_equal(it.trajectory(), it.result.odometry_poses)  # nothing was passed twice as yet
+        np.testing.assert_array_equal(it.trajectory(), it.result.odometry_poses)  # no place was revisited so far
         for frame in frames[90:]:
             it.add(frame)
         before, now = off(it.result.odometry_poses)[-4:], off(it.trajectory())[-4:]
@@ -94,8 +94,8 @@ def test_the_trajectory_so_far_has_the_loops_so_far(frames: list[Frame]) -> None
     np.testing.assert_array_equal(it.trajectory(), run.poses)
 
 
-def test_asking_for_the_trajectory_changes_nothing(frames: list[Frame]) -> None:
-    """The same code twice: bit for bit."""
+def test_reading_the_trajectory_does_not_change_the_result(frames: list[Frame]) -> None:
+    """Two runs of the same code are equal bit for bit."""
     results = []
     for every in (7, 1000):
         with slam() as it:
@@ -122,7 +122,7 @@ def stamped(frames: list[Frame], *stamps: float) -> list[Frame]:
     return [replace(frame, stamp=stamp) for frame, stamp in zip(frames, stamps, strict=False)]
 
 
-def test_stamps_that_make_no_sense_are_counted(frames: list[Frame]) -> None:
+def test_implausible_stamps_are_counted(frames: list[Frame]) -> None:
     with slam() as it:
         for frame in stamped(frames, 0.0, 0.1, 0.1, 0.2, 0.05, 0.15, 0.15, 2.0):
             it.add(frame)
@@ -133,7 +133,7 @@ def test_stamps_that_make_no_sense_are_counted(frames: list[Frame]) -> None:
     ]
 
 
-def test_strict_stops_before_a_frame_whose_stamp_makes_no_sense(frames: list[Frame]) -> None:
+def test_strict_stops_before_a_frame_with_an_implausible_stamp(frames: list[Frame]) -> None:
     with Slam(odometry=Drifting(), strict=True) as it:
         first, second, third = stamped(frames, 0.0, 0.1, 0.1)
         it.add(first)
@@ -145,6 +145,6 @@ def test_strict_stops_before_a_frame_whose_stamp_makes_no_sense(frames: list[Fra
 
 
 @pytest.mark.parametrize("stamp", [float("nan"), float("inf")])
-def test_a_stamp_that_is_no_number_is_refused(frames: list[Frame], stamp: float) -> None:
-    with slam() as it, pytest.raises(InputError, match=r"its stamp is (nan|inf); give the scan's time in seconds"):
+def test_a_stamp_that_is_not_finite_is_an_error(frames: list[Frame], stamp: float) -> None:
+    with slam() as it, pytest.raises(InputError, match=r"the stamp is (nan|inf); give the scan's time in seconds"):
         it.add(replace(frames[0], stamp=stamp))

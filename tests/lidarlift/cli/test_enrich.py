@@ -1,4 +1,4 @@
-"""`lidarlift enrich`: clouds on disk."""
+"""`lidarlift enrich`: enriched clouds as files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ QUICK = ("--enricher", "ray-segment")
 
 
 @pytest.mark.parametrize("suffix", ["pcd", "ply"])
-def test_every_point_with_ring_sigma_and_whether_it_was_measured(
+def test_every_point_has_ring_sigma_and_measured(
     lidarlift: Command, street_drive: Callable[..., Path], suffix: str
 ) -> None:
     result = lidarlift("enrich", street_drive(), "--out", "e", "--frames", "0:2", "--format", suffix, *QUICK)
@@ -30,14 +30,14 @@ def test_every_point_with_ring_sigma_and_whether_it_was_measured(
     assert "2 scans" in result.out
 
 
-def test_bin_as_kitti_has_it(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+def test_bin_has_the_layout_of_kitti(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     assert lidarlift("enrich", street_drive(), "--out", "e", "--frames", "0:1", "--format", "bin", *QUICK).code == 0
     table = np.fromfile("e/000000.bin", "<f4").reshape(-1, 4)
     assert len(table) > 10_000
     assert np.isfinite(table).all()
 
 
-def test_coverage(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+def test_coverage_selects_points(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     sizes, path = [], street_drive()
     for share in ("1.0", "0.5"):
         lidarlift("enrich", path, "--out", share, "--frames", "0:1", "--set", f"front_end.coverage={share}", *QUICK)
@@ -45,11 +45,11 @@ def test_coverage(lidarlift: Command, street_drive: Callable[..., Path]) -> None
     assert sizes[1] < 0.75 * sizes[0]
 
 
-def test_no_frames(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+def test_no_frames_are_an_error(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
     lidarlift("enrich", street_drive(), "--out", "e", "--frames", "50:60").refused("no frames in that range")
 
 
-def test_a_network_without_an_image_gives_way_and_says_so(
+def test_a_network_without_an_image_is_replaced_with_a_note(
     lidarlift: Command, street_drive: Callable[..., Path], caplog: pytest.LogCaptureFixture
 ) -> None:
     path = street_drive()
@@ -61,7 +61,7 @@ def test_a_network_without_an_image_gives_way_and_says_so(
 
 
 @pytest.mark.parametrize("command", [("run", "--input", "enriched"), ("enrich",), ("compare",)])
-def test_a_wrong_enricher_is_refused_before_any_work(
+def test_an_unknown_enricher_is_an_error_before_any_work(
     lidarlift: Command, street_drive: Callable[..., Path], command: tuple[str, ...]
 ) -> None:
     name, *options = command
@@ -71,7 +71,7 @@ def test_a_wrong_enricher_is_refused_before_any_work(
     assert not Path("o").exists()
 
 
-def test_a_broken_package_is_named(
+def test_a_broken_package_is_named_in_the_error(
     lidarlift: Command, street_drive: Callable[..., Path], installed: Callable[[str, str, dict[str, str]], object]
 ) -> None:
     installed("my-enricher", "[lidarlift.methods]\nmine = my_enricher:Mine\n", {"my_enricher.py": "import no_such"})

@@ -28,7 +28,7 @@ def test_trajectories_are_exported(lidarlift: Command, kind: str) -> None:
 
 @pytest.mark.usefixtures("finished")
 def test_maps_are_exported(lidarlift: Command) -> None:
-    """By the suffix; camera 0 has z ahead where the LiDAR has x."""
+    """Format by the suffix; forward is z of camera 0, and x of the LiDAR."""
     assert lidarlift("export", "r", "map.ply").code == 0
     assert lidarlift("export", "r", "camera.pcd", "--frame", "camera").code == 0
     own, ply, camera = (read_points(Path(name)) for name in ("r/map.pcd", "map.ply", "camera.pcd"))
@@ -49,10 +49,10 @@ def test_an_exported_map_keeps_its_colours(lidarlift: Command) -> None:
 
 @pytest.mark.usefixtures("finished")
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
-def test_maps_are_exported_for_surveyors(lidarlift: Command, suffix: str) -> None:
+def test_maps_are_exported_as_las(lidarlift: Command, suffix: str) -> None:
     assert lidarlift("export", "r", f"map{suffix}").code == 0
     own, las = read_points(Path("r/map.pcd")), read_points(Path(f"map{suffix}"))
-    np.testing.assert_allclose(las.xyz, own.xyz, atol=6e-4)  # in millimetres
+    np.testing.assert_allclose(las.xyz, own.xyz, atol=6e-4)  # LAS coordinates are in steps of 1 mm
     assert own.intensity is not None
     assert las.intensity is not None
     np.testing.assert_allclose(las.intensity / 65535, own.intensity, atol=1e-5)
@@ -60,8 +60,8 @@ def test_maps_are_exported_for_surveyors(lidarlift: Command, suffix: str) -> Non
 
 @pytest.mark.usefixtures("finished")
 @pytest.mark.parametrize("suffix", [".ply", ".las"])
-def test_a_map_of_any_size_is_exported_whole(lidarlift: Command, suffix: str) -> None:
-    """The limit of 10 km, beyond which a scan's points are damage, is none of a map's."""
+def test_a_map_of_any_size_is_exported_completely(lidarlift: Command, suffix: str) -> None:
+    """The limit of 10 km, beyond which points of a scan are damage, does not apply to a map."""
     xyz = np.column_stack([np.linspace(0, 50_000, 1000), np.zeros(1000), np.ones(1000)])
     write_points(Path("r/map.pcd"), PointCloud(xyz, np.ones(1000)))
     assert lidarlift("export", "r", f"map{suffix}").code == 0
@@ -71,28 +71,28 @@ def test_a_map_of_any_size_is_exported_whole(lidarlift: Command, suffix: str) ->
 
 
 @pytest.mark.usefixtures("finished")
-def test_a_damaged_map_is_one_line(lidarlift: Command) -> None:
+def test_a_damaged_map_is_an_error_of_one_line(lidarlift: Command) -> None:
     Path("r/map.pcd").write_bytes(b"nothing of the kind")
     lidarlift("export", "r", "map.ply").refused("not a .pcd file")
     assert not Path("map.ply").exists()
 
 
 @pytest.mark.usefixtures("finished")
-def test_export_asks_what_to_write(lidarlift: Command) -> None:
+def test_an_unknown_suffix_is_an_error(lidarlift: Command) -> None:
     lidarlift("export", "r", "out.txt").refused("--format kitti, tum, pcd, ply, las or laz")
 
 
 @pytest.mark.parametrize(
     "arguments", [("o.txt", "--format", "kitti"), ("o.ply",), ("o.txt", "--format", "tum", "--frame", "camera")]
 )
-def test_export_of_what_is_no_run(lidarlift: Command, tmp_path: Path, arguments: tuple[str, ...]) -> None:
+def test_a_folder_without_a_run_is_an_error(lidarlift: Command, tmp_path: Path, arguments: tuple[str, ...]) -> None:
     (tmp_path / "empty").mkdir()
     lidarlift("export", "empty", *arguments).refused("empty")
     assert not Path(arguments[0]).exists()
 
 
 @pytest.mark.parametrize("content", ["{}", "3"])
-def test_a_run_json_of_something_else(lidarlift: Command, tmp_path: Path, content: str) -> None:
+def test_a_run_json_of_another_program_is_an_error(lidarlift: Command, tmp_path: Path, content: str) -> None:
     (tmp_path / "trajectory_tum.txt").write_text("0 0 0 0 0 0 0 1\n")
     (tmp_path / "run.json").write_text(content)
     lidarlift("export", tmp_path, "o.txt", "--format", "kitti", "--frame", "camera").refused("run.json")

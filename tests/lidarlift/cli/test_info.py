@@ -1,4 +1,4 @@
-"""`lidarlift info`, and `lidarlift.info`: what is in a data set."""
+"""`lidarlift info`, and `lidarlift.info`: the content of a data set."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ def cheap(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_cheap_lidars_folder(cheap: Path) -> None:
+def test_a_folder_of_scans(cheap: Path) -> None:
     found = package.info(cheap)
     assert (found.scans, found.first, found.last, found.looked_at) == (20, 0, 19, 12)
     assert found.rate_hz == pytest.approx(10)
     assert found.duration_s == pytest.approx(1.9)
     assert found.points == 14_400
     assert found.range_m[0] == pytest.approx(5, abs=0.5)
-    assert (found.rings, found.rings_from) == (16, "by the field ring")
+    assert (found.rings, found.rings_from) == (16, "from the field ring")
     assert (found.sensor, found.looks_like) == (None, "vlp16")
     assert [field.partition(" (")[0] for field in found.fields] == ["x y z", "intensity", "ring", "time"]
     assert "field time, s, relative, 0 to 99.9 ms of a 100 ms sweep, in 12 of 12 scans" in found.point_times
@@ -61,12 +61,12 @@ def test_a_cheap_lidars_folder(cheap: Path) -> None:
     )
 
 
-def test_the_sensor_that_is_named_is_believed(cheap: Path) -> None:
+def test_a_named_sensor_is_used(cheap: Path) -> None:
     found = package.info(cheap, sensor="vlp16")
     assert (found.sensor, found.looks_like) == ("vlp16", None)
 
 
-def test_damage_gaps_and_holes(lidarlift: Command, cheap: Path) -> None:
+def test_damage_and_gaps_are_reported(lidarlift: Command, cheap: Path) -> None:
     (cheap / "scans" / "000007.pcd").unlink()
     (cheap / "scans" / "000010.pcd").write_bytes(b"junk")
     (cheap / "images").mkdir()
@@ -76,7 +76,7 @@ def test_damage_gaps_and_holes(lidarlift: Command, cheap: Path) -> None:
     result = lidarlift("info", cheap, "--all")
     assert result.code == 0, result.err
     out = " ".join(result.out.split())
-    assert "19, numbers 0 to 19, 10 a second, 1.9 s in all" in out
+    assert "19, numbers 0 to 19, 10 Hz, 1.9 s in total" in out
     assert "a gap of 0.2 s" in out
     assert "images of 40 x 30 pixels for 19 of 19 scans, not calibrated" in out
     for line in (
@@ -88,7 +88,7 @@ def test_damage_gaps_and_holes(lidarlift: Command, cheap: Path) -> None:
         assert line in out
 
 
-def test_what_nobody_knows_is_said(tmp_path: Path) -> None:
+def test_unknown_properties_are_reported(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     for number in range(3):
         np.save(tmp_path / f"{number}.npy", rng.uniform(-20, 20, (500, 3)))
@@ -101,7 +101,7 @@ def test_what_nobody_knows_is_said(tmp_path: Path) -> None:
     assert found.commands == (f"lidarlift run {tmp_path}",)
 
 
-def test_columns_that_are_said_are_handed_on(tmp_path: Path) -> None:
+def test_columns_are_used_and_in_the_command(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     np.column_stack([rng.uniform(-20, 20, (500, 3)), rng.uniform(0, 1, (500, 2))]).astype("f4").tofile(
         tmp_path / "1.bin"
@@ -112,13 +112,13 @@ def test_columns_that_are_said_are_handed_on(tmp_path: Path) -> None:
     assert found.commands == (f"lidarlift run {tmp_path} --columns x,y,z,intensity,_",)
 
 
-def test_kittis_sequences(lidarlift: Command, street_drive: Drive, tmp_path: Path) -> None:
+def test_sequences_of_kitti(lidarlift: Command, street_drive: Drive, tmp_path: Path) -> None:
     path = street_drive()
     page = " ".join(lidarlift("info", path).out.split())
     for words in (
         "kitti 77",
-        "8, numbers 0 to 7, 10 a second",
-        "rings 64, by the lasers of hdl64",
+        "8, numbers 0 to 7, 10 Hz",
+        "rings 64, from the lasers of hdl64",
         "none (the scans are motion-compensated already)",
         "camera calibrated, but no images",
         "ground truth of 8 of 8 scans, 9.8 m",
@@ -128,7 +128,7 @@ def test_kittis_sequences(lidarlift: Command, street_drive: Drive, tmp_path: Pat
     shutil.copytree(path, path.parent / "78")
     (path.parent / "78" / "times.txt").unlink()
     listed = lidarlift("info", tmp_path / "kitti").out
-    assert "2 drives" in listed
+    assert "2 sequences" in listed
     assert [line.split()[:3] for line in listed.splitlines() if " scans " in line] == [
         ["77", "8", "scans"],
         ["78", "8", "scans"],
@@ -140,12 +140,12 @@ def test_kittis_sequences(lidarlift: Command, street_drive: Drive, tmp_path: Pat
         package.info(tmp_path / "kitti")
 
 
-def test_json(lidarlift: Command, street_drive: Drive) -> None:
+def test_json_output(lidarlift: Command, street_drive: Drive) -> None:
     found = json.loads(lidarlift("info", street_drive(), "--json").out)
     assert (found["scans"], found["truth"], found["sensor"]) == (8, 8, "hdl64")
 
 
-def test_nothing_there(lidarlift: Command, tmp_path: Path) -> None:
+def test_no_data_set_is_an_error(lidarlift: Command, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     lidarlift("info", tmp_path / "empty").refused("no drive found")
     lidarlift("info", tmp_path / "nowhere").refused("no such folder")

@@ -1,4 +1,4 @@
-"""`lidarlift run`: files, figures, and one line for what is wrong."""
+"""`lidarlift run`: files, figures, and errors of one line."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ODOMETRY = [
     "odometry_kitti.txt",
     "odometry_tum.txt",
     "timings.csv",
-]  # what is known before loops
+]  # written before loops
 STUCK = """
 import signal, sys, time
 from lidarlift.cli import main
@@ -39,7 +39,7 @@ def settle(self):
     time.sleep(600)
 
 BackEnd.settle = settle
-signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have what they start in the background ignore it
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it for background processes
 main()
 """
 
@@ -47,7 +47,7 @@ Drive = Callable[..., Path]
 Command = Callable[..., Any]
 
 
-def test_run_writes_the_whole_folder(lidarlift: Command, street_drive: Drive, street_poses: Array) -> None:
+def test_run_writes_the_run_folder(lidarlift: Command, street_drive: Drive, street_poses: Array) -> None:
     result = lidarlift("run", street_drive(), "--out", "here/run")
     assert result.code == 0, result.err
     folder = Path("here/run")
@@ -76,7 +76,7 @@ def test_run_writes_the_whole_folder(lidarlift: Command, street_drive: Drive, st
 
 
 def test_frames_and_input(lidarlift: Command, street_drive: Drive) -> None:
-    """Without --out the folder is named by the drive and the channels."""
+    """Without --out the folder is named by the sequence and the input."""
     result = lidarlift("run", street_drive(), "--frames", "2:6", "--input", "16")
     assert result.code == 0, result.err
     folder = Path("runs/kitti-77-16")
@@ -89,12 +89,12 @@ def test_frames_and_input(lidarlift: Command, street_drive: Drive) -> None:
 
 
 @pytest.mark.parametrize("frames", ["5", "a-b:", "1:2:3:4", "::0", "::-1"])
-def test_frames_that_are_no_slice(lidarlift: Command, street_drive: Drive, frames: str) -> None:
+def test_invalid_frames_are_an_error(lidarlift: Command, street_drive: Drive, frames: str) -> None:
     lidarlift("run", street_drive(), "--frames", frames).refused(f"--frames {frames}", "FROM:TO")
     assert not Path("runs").exists()
 
 
-def test_frames_beyond_the_end(lidarlift: Command, street_drive: Drive) -> None:
+def test_frames_beyond_the_end_are_an_error(lidarlift: Command, street_drive: Drive) -> None:
     result = lidarlift("run", street_drive(), "--frames", "20:30")
     assert result.code == 1
     assert "Error: " in result.err
@@ -113,7 +113,9 @@ def test_a_single_frame(lidarlift: Command, street_drive: Drive) -> None:
     ("setting", "right"),
     [("odometry.voxelsize=1.0", "odometry.voxel_size"), ("odometri.max_range=50", "odometry"), ("map.voxel=1", "map.")],
 )
-def test_a_wrong_key_names_the_right_one(lidarlift: Command, street_drive: Drive, setting: str, right: str) -> None:
+def test_an_unknown_key_names_the_most_similar_one(
+    lidarlift: Command, street_drive: Drive, setting: str, right: str
+) -> None:
     key = setting.partition("=")[0]
     lidarlift("run", street_drive(), "--set", setting).refused(f"unknown setting '{key.split('.')[0]}", right)
 
@@ -122,38 +124,38 @@ def test_a_wrong_key_names_the_right_one(lidarlift: Command, street_drive: Drive
     "setting",
     ["x=1", *(f"odometry.voxel_size{rest}" for rest in ("", "=", "=-1", "=wide", "=["))],
 )
-def test_a_wrong_value_is_one_line(lidarlift: Command, street_drive: Drive, setting: str) -> None:
+def test_an_invalid_value_is_an_error_of_one_line(lidarlift: Command, street_drive: Drive, setting: str) -> None:
     lidarlift("run", street_drive(), "--set", setting).refused()
 
 
-def test_a_key_below_a_number_is_one_line(lidarlift: Command, street_drive: Drive) -> None:
+def test_a_key_below_a_number_is_an_error_of_one_line(lidarlift: Command, street_drive: Drive) -> None:
     lidarlift("run", street_drive(), "--set", "odometry.voxel_size.x=2").refused("odometry.voxel_size")
 
 
-def test_settings_reach_the_run(lidarlift: Command, street_drive: Drive) -> None:
+def test_settings_are_applied(lidarlift: Command, street_drive: Drive) -> None:
     arguments = ("--set", "odometry.voxel_size=1.25", "--set", "map.voxel_size=0.5", "--frames", ":2", "--out", "r")
     assert lidarlift("run", street_drive(), *arguments).code == 0
     config = read_report(Path("r"))["protocol"]["config"]
     assert (config["odometry"]["voxel_size"], config["map"]["voxel_size"]) == (1.25, 0.5)
 
 
-def test_an_empty_folder(lidarlift: Command, tmp_path: Path) -> None:
+def test_an_empty_folder_is_an_error(lidarlift: Command, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     lidarlift("run", "empty").refused("no drive found; looked for KITTI odometry")
 
 
-def test_no_such_folder(lidarlift: Command) -> None:
+def test_a_missing_folder_is_an_error(lidarlift: Command) -> None:
     lidarlift("run", "nowhere").refused("nowhere", "no such folder")
 
 
-def test_a_drive_without_scans(lidarlift: Command, street_drive: Drive) -> None:
+def test_a_sequence_without_scans_is_an_error(lidarlift: Command, street_drive: Drive) -> None:
     path = street_drive()
     for scan in (path / "velodyne").iterdir():
         scan.unlink()
     lidarlift("run", path).refused("velodyne", "no scans")
 
 
-def test_without_calib_it_runs_without_truth(lidarlift: Command, street_drive: Drive) -> None:
+def test_without_calibration_there_is_no_ground_truth(lidarlift: Command, street_drive: Drive) -> None:
     path = street_drive()
     (path / "calib.txt").unlink()
     result = lidarlift("run", path, "--out", "r")
@@ -165,7 +167,7 @@ def test_without_calib_it_runs_without_truth(lidarlift: Command, street_drive: D
     lidarlift("export", "r", "out.txt", "--format", "kitti", "--frame", "camera").refused("--frame lidar")
 
 
-def test_poses_shorter_than_scans(lidarlift: Command, street_drive: Drive) -> None:
+def test_fewer_poses_than_scans(lidarlift: Command, street_drive: Drive) -> None:
     path = street_drive()
     poses = path.parent.parent / "poses" / "77.txt"
     poses.write_text("".join(poses.read_text().splitlines(keepends=True)[:5]))
@@ -177,7 +179,7 @@ def test_poses_shorter_than_scans(lidarlift: Command, street_drive: Drive) -> No
     assert "5 of 8 frames have a reference" in result.out
 
 
-def test_degenerate_frames_are_said_in_one_line(
+def test_degenerate_frames_are_reported_in_one_line(
     lidarlift: Command, street_drive: Drive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     register = Odometry.register
@@ -191,12 +193,12 @@ def test_degenerate_frames_are_said_in_one_line(
     assert result.code == 0, result.err
     (line,) = [line for line in result.out.splitlines() if "degenerate" in line]
     assert line == (
-        "3 of 8 frames degenerate: the scan did not hold the pose along the direction of travel; "
+        "3 of 8 frames degenerate: the scan did not constrain the pose along the direction of travel; "
         "the prediction was kept there"
     )
 
 
-def test_damage_is_noted_once_a_kind(lidarlift: Command, street_drive: Drive) -> None:
+def test_damage_is_reported_once_per_kind(lidarlift: Command, street_drive: Drive) -> None:
     result = lidarlift("run", street_drive({3: b"", 5: b""}), "--out", "r")
     assert result.code == 0, result.err
     assert result.err.count("Note: ") == 1
@@ -206,7 +208,7 @@ def test_damage_is_noted_once_a_kind(lidarlift: Command, street_drive: Drive) ->
     assert len(read_report(Path("r"))["problems"]) == 2
 
 
-def test_stamps_that_jump_are_noted_once_and_strict_stops(lidarlift: Command, street_drive: Drive) -> None:
+def test_stamps_that_jump_are_reported_once_and_strict_stops(lidarlift: Command, street_drive: Drive) -> None:
     path = street_drive()
     (path / "times.txt").write_text("".join(f"{number}\n" for number in (0, 0.1, 0.2, 3, 3.1, 3.2, 9, 9.1)))
     result = lidarlift("run", path, "--out", "r")
@@ -231,17 +233,17 @@ def names(folder: Path) -> list[str]:
     return sorted(file.name for file in folder.iterdir())
 
 
-def test_a_run_that_stops_while_it_registers_leaves_the_earlier_one(lidarlift: Command, finished: Path) -> None:
+def test_a_run_stopped_in_the_odometry_keeps_the_earlier_run(lidarlift: Command, finished: Path) -> None:
     before = {file.name: file.read_bytes() for file in Path("r").iterdir()}
     (finished / "velodyne" / "000005.bin").write_bytes(b"")
     assert lidarlift("run", finished, "--strict", "--out", "r").code == 1
     assert {file.name: file.read_bytes() for file in Path("r").iterdir()} == before
 
 
-def test_a_run_that_stops_while_it_optimises_leaves_its_odometry(
+def test_a_run_stopped_in_the_optimisation_keeps_its_odometry(
     lidarlift: Command, finished: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And nothing of the earlier run, which was of other frames; the next run into the folder finishes it."""
+    """The files of the earlier run, of other frames, are removed; the next run completes the folder."""
     folder, whole = Path("r"), names(Path("r"))
 
     def fails(_: BackEnd) -> None:
@@ -260,7 +262,9 @@ def test_a_run_that_stops_while_it_optimises_leaves_its_odometry(
 
 
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGKILL])
-def test_a_process_that_is_stopped_as_it_optimises(street_drive: Drive, tmp_path: Path, stop: signal.Signals) -> None:
+def test_a_process_stopped_in_the_optimisation_keeps_its_odometry(
+    street_drive: Drive, tmp_path: Path, stop: signal.Signals
+) -> None:
     arguments = ["run", str(street_drive()), "--frames", ":3", "--out", str(tmp_path / "r")]
     command = [sys.executable, "-c", STUCK, *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
@@ -279,17 +283,17 @@ def test_a_process_that_is_stopped_as_it_optimises(street_drive: Drive, tmp_path
         assert "Traceback" not in err
 
 
-def test_messages_are_printed_as_they_are(lidarlift: Command) -> None:
+def test_messages_are_printed_without_markup(lidarlift: Command) -> None:
     lidarlift("run", "drives:b:4").refused("drives:b:4: no such folder")
 
 
-def test_an_enricher_needs_something_to_enrich(lidarlift: Command, street_drive: Drive) -> None:
+def test_an_enricher_requires_enriched_input(lidarlift: Command, street_drive: Drive) -> None:
     lidarlift("run", street_drive(), "--enricher", "joint", "--out", "r").refused(
         "--enricher joint", "--input enriched"
     )
 
 
-def test_stamp_and_field_of_times_are_said_and_told(
+def test_stamp_and_field_of_times_can_be_set_and_are_reported(
     lidarlift: Command, tmp_path: Path, street_scans: list[Array]
 ) -> None:
     folder = tmp_path / "mine"
@@ -310,5 +314,5 @@ def test_stamp_and_field_of_times_are_said_and_told(
     lidarlift("run", folder, "--point-time", "when", "--out", "out").refused("no field 'when'", "there are t, dt")
 
 
-def test_a_data_set_without_fields_takes_no_name_of_one(lidarlift: Command, street_drive: Drive) -> None:
+def test_a_data_set_without_fields_refuses_a_field_name(lidarlift: Command, street_drive: Drive) -> None:
     lidarlift("run", street_drive(), "--point-time", "t", "--out", "out").refused("--point-time is not for this kind")

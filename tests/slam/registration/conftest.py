@@ -1,4 +1,4 @@
-"""Synthetic rooms to register scans in: rectangles, sampled anew for every scan."""
+"""Synthetic rooms for registration: rectangles, sampled again for every scan."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from slam.data import se3
 from slam.data.cloud import Array
 
-Box = tuple[float, float, float, float, float, float]  # x, y, z from, x, y, z to
+Box = tuple[float, float, float, float, float, float]  # minimum x, y, z, maximum x, y, z
 Sampler = Callable[..., Array]
 
 #: A hall with three crates in it; no wall lies on the border of a 1 m cell.
@@ -59,7 +59,7 @@ def hall() -> Sampler:
 
 @pytest.fixture(scope="session")
 def corridor() -> Sampler:
-    """The same of a corridor along x that has no ends within the range of 20 m."""
+    """As `hall`, of a corridor along x without ends within the range of 20 m."""
 
     def scan(seed: int, pose: Array | None = None, density: float = 20.0) -> Array:
         faces = [face for face in rectangles((-40, -2.4, -1.7, 40, 2.6, 2.3)) if face[1][0] or face[2][0]]

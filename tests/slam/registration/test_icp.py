@@ -27,7 +27,7 @@ def icp_of(xyz: Array) -> IcpTarget:
 @pytest.mark.parametrize(
     "motion", [[0.02, -0.01, 0.04, 0.2, -0.15, 0.05], [0, 0, -0.05, -0.2, 0.2, 0], [0, 0, 0, 0.3, 0, 0.0]]
 )
-def test_recovers_a_motion(hall: Sampler, motion: list[float]) -> None:
+def test_icp_recovers_a_motion(hall: Sampler, motion: list[float]) -> None:
     truth = se3.exp(np.array(motion))
     xyz = hall(1, truth, density=4.0)
     found = icp_of(hall(0, density=20.0)).align(xyz, ones(xyz), np.eye(4))
@@ -40,7 +40,7 @@ def test_recovers_a_motion(hall: Sampler, motion: list[float]) -> None:
     assert np.linalg.eigvalsh(found.sandwich)[0] > 0
 
 
-def test_the_same_points_are_recovered_exactly(hall: Sampler) -> None:
+def test_identical_points_are_registered_exactly(hall: Sampler) -> None:
     cloud = hall(0, density=2.0)
     truth = se3.exp(np.array([0.005, -0.005, 0.01, 0.05, -0.03, 0.02]))
     back = se3.inverse(truth)
@@ -50,7 +50,7 @@ def test_the_same_points_are_recovered_exactly(hall: Sampler) -> None:
     assert found.converged
 
 
-def test_insert_replaces_the_scan_before(hall: Sampler) -> None:
+def test_insert_replaces_the_last_scan(hall: Sampler) -> None:
     target = icp_of(hall(0, density=2.0))
     other = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
     pose = np.eye(4)
@@ -65,7 +65,7 @@ def test_insert_replaces_the_scan_before(hall: Sampler) -> None:
     assert len(target) == 0
 
 
-def test_a_scan_that_meets_nothing_is_left_where_it_was(hall: Sampler) -> None:
+def test_a_scan_without_overlap_keeps_the_initial_guess(hall: Sampler) -> None:
     guess = np.eye(4)
     guess[:3, 3] = 500, 0, 0
     xyz = hall(1, density=2.0)
@@ -75,5 +75,5 @@ def test_a_scan_that_meets_nothing_is_left_where_it_was(hall: Sampler) -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_a_scan_of_hardly_any_points_can_be_inserted(count: int) -> None:
+def test_a_scan_of_few_points_can_be_inserted(count: int) -> None:
     assert len(icp_of(np.ones((count, 3), np.float32))) == count

@@ -45,25 +45,25 @@ def assert_close(found: Array, truth: Array, metres: float = 0.02, degrees: floa
 
 @settings(deadline=None, max_examples=30)
 @given(small_motions)
-def test_recovers_a_motion(in_hall: NdtTarget, hall: Sampler, motion: Array) -> None:
+def test_ndt_recovers_a_motion(in_hall: NdtTarget, hall: Sampler, motion: Array) -> None:
     truth = se3.exp(motion)
     xyz = hall(1, truth)
     found = in_hall.align(xyz, ones(xyz), np.eye(4))
     assert_close(found.pose, truth)
     assert found.converged
-    assert found.overlap > 0.75  # cells along edges, with two surfaces in them, hold nothing
+    assert found.overlap > 0.75  # cells along edges, with two surfaces, have no information
     assert found.inlier_ratio > 0.8
     assert 0 < in_hall.score(xyz, ones(xyz), found.pose) <= 1
 
 
-def test_seven_neighbours_recover_a_motion_too(hall: Sampler) -> None:
+def test_seven_neighbours_recover_a_motion(hall: Sampler) -> None:
     truth = se3.exp(np.array([0.02, -0.01, 0.05, 0.4, -0.3, 0.1]))
     xyz = hall(1, truth)
     found = ndt_of(hall(0, density=30.0), neighbours=7).align(xyz, ones(xyz), np.eye(4))
     assert_close(found.pose, truth)
 
 
-def test_seven_neighbours_meet_cells_across_each_face() -> None:
+def test_seven_neighbours_include_the_cells_across_each_face() -> None:
     within = np.random.default_rng(0).uniform(0.2, 0.8, (20, 3)).astype(np.float32)
     cells = VoxelGaussians(1.0, 5, 1000, floor=0.003)
     cells.insert(within, ones(within), np.eye(4))
@@ -77,7 +77,7 @@ def test_seven_neighbours_meet_cells_across_each_face() -> None:
     assert met == {1: [1, 0, 0, 0, 0, 0, 0, 0, 0], 7: [1, 1, 1, 1, 1, 1, 1, 0, 0]}
 
 
-def test_score_is_highest_at_the_truth(in_hall: NdtTarget, hall: Sampler) -> None:
+def test_score_is_maximal_at_the_true_pose(in_hall: NdtTarget, hall: Sampler) -> None:
     xyz = hall(2)
     scores = [in_hall.score(xyz, ones(xyz), se3.exp(np.array([0, 0, 0, d, 0, 0]))) for d in (0, 0.3, 0.6, -0.3, -0.6)]
     assert int(np.argmax(scores)) == 0
@@ -94,7 +94,7 @@ def test_gradient_is_the_derivative_of_the_cost(motion: Array, seed: int, neighb
     pose = se3.exp(motion)
     xyz = rng.uniform(-5, 5, (200, 3)).astype(np.float32)
     weight = rng.uniform(0.2, 1, 200).astype(np.float32)
-    inside = (np.abs((xyz @ pose[:3, :3].T + pose[:3, 3]) % 2.0 - 1.0) < 0.99).all(axis=1)  # no cell is left
+    inside = (np.abs((xyz @ pose[:3, :3].T + pose[:3, 3]) % 2.0 - 1.0) < 0.99).all(axis=1)  # no point leaves its cell
     xyz, weight = xyz[inside], weight[inside]
 
     def cost(step: Array) -> float:
@@ -124,7 +124,7 @@ def test_covariance_is_symmetric_and_positive_definite(in_hall: NdtTarget, hall:
 
 @pytest.mark.parametrize(("heading", "axis"), [(0, 0), (90, 1), (180, 0)])
 def test_covariance_grows_along_a_corridor(corridor: Sampler, heading: float, axis: int) -> None:
-    """In the sensor's own axes: turned by 90 degrees, it is its y axis that lies along the corridor."""
+    """In the sensor's axes: after a rotation by 90 degrees, the y axis lies along the corridor."""
     pose = se3.exp(np.array([0, 0, np.deg2rad(heading), 0, 0, 0]))
     xyz = corridor(1, pose)
     found = ndt_of(corridor(0)).align(xyz, ones(xyz), pose)
@@ -137,23 +137,23 @@ def test_covariance_grows_along_a_corridor(corridor: Sampler, heading: float, ax
     assert np.rad2deg(se3.angle(across)) < 0.1
 
 
-def test_what_is_said_twice_is_no_more_certain(in_hall: NdtTarget, hall: Sampler) -> None:
-    """Points beside each other, as interpolation makes them, share an error."""
+def test_duplicated_points_do_not_reduce_the_covariance(in_hall: NdtTarget, hall: Sampler) -> None:
+    """Adjacent points, as interpolation makes them, share an error."""
     xyz = hall(3, np.eye(4))
     once, often = (in_hall.align(points, ones(points), np.eye(4)) for points in (xyz, np.tile(xyz, (4, 1))))
     np.testing.assert_allclose(often.covariance, once.covariance / 4, rtol=1e-3)
     np.testing.assert_allclose(often.sandwich, once.sandwich, rtol=1e-3, atol=1e-12)
 
 
-def test_the_sandwich_is_as_large_as_errors_are(hall: Sampler) -> None:
-    """Of many scans, each with its own noise, against the same map; the ratio is one of standard deviations."""
+def test_the_sandwich_covariance_matches_the_errors(hall: Sampler) -> None:
+    """Many scans with independent noise against one map; the ratio is one of standard deviations."""
     found = [ndt_of(hall(0, density=30.0)).align(xyz, ones(xyz), np.eye(4)) for xyz in map(hall, range(1, 25))]
     errors = np.array([se3.log(result.pose) for result in found])
     expected = np.mean([np.diag(result.sandwich) for result in found], axis=0)
     assert (np.abs(np.log(np.sqrt((errors**2).mean(axis=0) / expected))) < np.log(3)).all()
 
 
-def test_covariance_follows_the_axes_of_the_source(in_hall: NdtTarget, hall: Sampler) -> None:
+def test_covariance_is_in_the_axes_of_the_source(in_hall: NdtTarget, hall: Sampler) -> None:
     xyz, turn = hall(4), se3.exp(np.array([0.3, -0.2, 1.2, 0, 0, 0]))
     straight = in_hall.align(xyz, ones(xyz), np.eye(4))
     turned_xyz = (xyz @ turn[:3, :3]).astype(np.float32)
@@ -163,14 +163,14 @@ def test_covariance_follows_the_axes_of_the_source(in_hall: NdtTarget, hall: Sam
     np.testing.assert_allclose(R @ turned.H @ R.T, straight.H, atol=2e-2 * straight.H.max())
 
 
-def test_two_runs_are_the_same_bit_for_bit(hall: Sampler) -> None:
+def test_registration_is_deterministic(hall: Sampler) -> None:
     xyz = hall(5, se3.exp(np.array([0.01, 0.02, 0.03, 0.3, -0.2, 0.1])))
     first, second = (ndt_of(hall(0)).align(xyz, ones(xyz), np.eye(4)) for _ in range(2))
     for name in ("pose", "H", "covariance", "inlier_ratio", "overlap", "converged"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name), err_msg=name)
 
 
-def test_a_scan_that_meets_nothing_is_left_where_it_was(in_hall: NdtTarget, hall: Sampler) -> None:
+def test_a_scan_without_overlap_keeps_the_initial_guess(in_hall: NdtTarget, hall: Sampler) -> None:
     guess = np.eye(4)
     guess[:3, 3] = 500, 0, 0
     xyz = hall(6)
@@ -179,7 +179,7 @@ def test_a_scan_that_meets_nothing_is_left_where_it_was(in_hall: NdtTarget, hall
     assert found.overlap == in_hall.score(xyz, ones(xyz), guess) == 0
 
 
-def test_registers_far_from_the_origin(hall: Sampler) -> None:
+def test_ndt_registers_far_from_the_origin(hall: Sampler) -> None:
     far = np.eye(4)
     far[:3, 3] = 10_000, -10_000, 0
     target = NdtTarget(CELLS, surfaces=True)
@@ -190,7 +190,7 @@ def test_registers_far_from_the_origin(hall: Sampler) -> None:
     assert_close(target.align(xyz, ones(xyz), far).pose, far @ motion)
 
 
-def test_clear_and_evict_reach_all_levels(hall: Sampler) -> None:
+def test_clear_and_evict_apply_to_all_levels(hall: Sampler) -> None:
     target = ndt_of(hall(0))
     count = len(target)
     target.evict(np.zeros(3), 5.0)

@@ -1,4 +1,4 @@
-"""Which directions a scan holds, by the surfaces that it meets."""
+"""Observable directions of a scan, by the surfaces that it is matched to."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NONE = np.zeros((0, 3))
 
 
 def sampled(faces: list[Face], seed: int, density: float, noise: float) -> Array:
-    """Points (N, 3) float32: so many a square metre, with noise [m]."""
+    """Points (N, 3) float32 with `density` points per square metre and noise [m]."""
     rng, parts = np.random.default_rng(seed), []
     for low, high in faces:
         sides = np.subtract(high, low)
@@ -37,7 +37,7 @@ def sampled(faces: list[Face], seed: int, density: float, noise: float) -> Array
 
 
 def seen(faces: list[Face], turn: float = 0.0, noise: float = 0.02) -> tuple[VoxelGaussians, Array, Array, Array]:
-    """A map of the scene, turned by `turn` [rad], and a scan in it: cells, points, weights, pose."""
+    """A map of the scene, rotated by `turn` [rad], and a scan in it: cells, points, weights, pose."""
     pose = se3.exp(np.array([0, 0, turn, 0, 0, 0]))
     cells = VoxelGaussians(1.0, 5, 1000, 0.003, surfaces=True)
     cloud, xyz = sampled(faces, 0, 15.0, noise), sampled(faces, 1, 2.0, noise)
@@ -45,39 +45,39 @@ def seen(faces: list[Face], turn: float = 0.0, noise: float = 0.02) -> tuple[Vox
     return cells, xyz, np.ones(len(xyz), np.float32), pose
 
 
-def lost(faces: list[Face], before: Array = NONE, **options: float) -> Array:
+def unobserved_in(faces: list[Face], before: Array = NONE, **options: float) -> Array:
     return unobserved(*seen(faces, **options), 1.0, before)
 
 
 @pytest.mark.parametrize("noise", [0.005, 0.02, 0.04])
 @pytest.mark.parametrize("turn", [0.0, 0.7])
-def test_a_tunnel_does_not_hold_along_its_axis(noise: float, turn: float) -> None:
-    """However rough: a thousand normals that tilt by noise face along it together as a wall of 2 sqm would."""
-    (direction,) = lost(TUNNEL, turn=turn, noise=noise)
+def test_the_axis_of_a_tunnel_is_unobservable(noise: float, turn: float) -> None:
+    """Even with noise: a thousand normals tilted by noise face the axis as much as a wall of 2 sqm."""
+    (direction,) = unobserved_in(TUNNEL, turn=turn, noise=noise)
     assert abs(direction @ [np.cos(turn), np.sin(turn), 0]) > np.cos(np.deg2rad(3))
     assert np.linalg.norm(direction) == pytest.approx(1)
 
 
-def test_a_room_holds_everywhere() -> None:
-    assert lost(ROOM).shape == (0, 3)
+def test_all_directions_of_a_room_are_observable() -> None:
+    assert unobserved_in(ROOM).shape == (0, 3)
 
 
-def test_a_plane_holds_one_direction() -> None:
-    directions = lost([GROUND])
+def test_a_plane_constrains_one_direction() -> None:
+    directions = unobserved_in([GROUND])
     assert directions.shape == (2, 3)
     np.testing.assert_allclose(directions @ directions.T, np.eye(2), atol=1e-9)
     assert np.abs(directions[:, 2]).max() < np.sin(np.deg2rad(2))
 
 
-def test_what_was_not_held_has_to_be_clear_before_it_is_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A niche in the tunnel, between the two limits: held if it was, not held if it was not."""
+def test_an_unobservable_direction_becomes_observable_above_a_higher_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hysteresis: with a niche in the tunnel, between the two thresholds, the direction keeps its state."""
     scene = seen(NICHE)
     share = scene[0].support(*scene[1:], 1.0, np.eye(3))[1][0]
-    monkeypatch.setattr(observability, "LEAST", share / 2)
-    monkeypatch.setattr(observability, "ENOUGH", share * 2)
+    monkeypatch.setattr(observability, "MIN_SHARE", share / 2)
+    monkeypatch.setattr(observability, "REOBSERVED_SHARE", share * 2)
     assert len(unobserved(*scene, 1.0, NONE)) == 0
     (direction,) = unobserved(*scene, 1.0, np.array([[1.0, 0, 0]]))
     assert abs(direction[0]) > 0.99
-    assert len(unobserved(*scene, 1.0, np.array([[0, 1.0, 0]]))) == 0  # another direction's past does not count
-    monkeypatch.setattr(observability, "ENOUGH", share * 0.9)
+    assert len(unobserved(*scene, 1.0, np.array([[0, 1.0, 0]]))) == 0  # the state of another direction does not matter
+    monkeypatch.setattr(observability, "REOBSERVED_SHARE", share * 0.9)
     assert len(unobserved(*scene, 1.0, np.array([[1.0, 0, 0]]))) == 0

@@ -1,10 +1,10 @@
-"""What a cell's Gaussian holds a point by: the directions in which its surface is thin."""
+"""Surface information of a cell's Gaussian: the directions in which its surface is thin."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -21,7 +21,7 @@ def ones(xyz: Array) -> Array:
 
 
 def seen(xyz: Array, surfaces: bool = True, size: float = 1.0) -> VoxelGaussians:
-    """Cells that hold points (N, 3) of the world, seen by a level sensor."""
+    """Cells with points (N, 3) of the world, seen by a level sensor."""
     cells, pose = VoxelGaussians(size, 5, 1000, floor=0.003, surfaces=surfaces), np.eye(4)
     pose[:3, 3] = SENSOR
     cells.insert((xyz - SENSOR).astype(np.float32), ones(xyz), pose)
@@ -29,7 +29,7 @@ def seen(xyz: Array, surfaces: bool = True, size: float = 1.0) -> VoxelGaussians
 
 
 def information(cells: VoxelGaussians) -> Array:
-    """(3, 3) [1/m^2] of the cell from (0, 0, 0) to (1, 1, 1); all 0 where it tells nothing."""
+    """Information (3, 3) [1/m^2] of the cell from (0, 0, 0) to (1, 1, 1); 0 if it has none."""
     pose = np.eye(4)
     pose[:3, 3] = 0.5
     origin = np.zeros((1, 3), np.float32)
@@ -37,19 +37,19 @@ def information(cells: VoxelGaussians) -> Array:
 
 
 def along(cells: VoxelGaussians, direction: Array) -> float:
-    """Standard deviation [m] by which the cell holds a point along a direction; infinite where it does not."""
-    held = float(direction @ information(cells) @ direction)
-    return 1 / np.sqrt(held) if held > 1e-9 else np.inf
+    """Standard deviation [m] of a point in the cell along a direction; infinite if it is unconstrained."""
+    value = float(direction @ information(cells) @ direction)
+    return 1 / np.sqrt(value) if value > 1e-9 else np.inf
 
 
 def spread(low: list[float], high: list[float], count: int = 200, noise: float | Array = 0.01) -> Array:
-    """Points (N, 3) evenly between two corners, with noise [m]."""
+    """Points (N, 3), uniform between two corners, with noise [m]."""
     rng = np.random.default_rng(1)
     return rng.uniform(low, high, (count, 3)) + rng.normal(0, noise, (count, 3))
 
 
 def ring(y: float, z: float) -> Array:
-    """Points (N, 3) of one ring, which err along the beam."""
+    """Points (N, 3) of one ring, with errors along the beam."""
     return spread([0.05, y, z], [0.95, y, z], count=60, noise=0.01 * ACROSS + 0.001)
 
 
@@ -58,8 +58,9 @@ def ring(y: float, z: float) -> Array:
     st.lists(st.sampled_from([0.0, 1e-6, 1e-3, 1.0, 1.0 + 1e-9, 3.0, 500.0]), min_size=3, max_size=3),
     st.tuples(*[st.floats(-3, 3)] * 3),
 )
+@example([1e-6, 1e-6, 1e-6], (0.0, 0.0, 7e-115))  # the cube of the eigenvalues' spread underflows
 def test_eigenvalues_and_vectors_are_those_of_numpy(values: list[float], turn: tuple[float, ...]) -> None:
-    """Eigenvalues also where two or three are equal, or none is there; vectors where an eigenvalue stands apart."""
+    """Eigenvalues also if two or three are equal or zero; eigenvectors of simple eigenvalues."""
     axes = Rotation.from_rotvec(turn).as_matrix()
     matrix = axes @ np.diag(values) @ axes.T
     matrix = (matrix + matrix.T) / 2
@@ -73,7 +74,7 @@ def test_eigenvalues_and_vectors_are_those_of_numpy(values: list[float], turn: t
             assert abs(np.linalg.norm(vector) - 1) < 1e-9
 
 
-def test_a_pole_without_any_width_holds_to_both_sides() -> None:
+def test_a_pole_without_width_constrains_both_sides() -> None:
     pole = np.zeros((20, 3))
     pole[:, 2] = np.linspace(0.0, 1.0, 20)
     cells = seen(pole + np.array([0.5, 0.5, 0.0]))
@@ -81,15 +82,15 @@ def test_a_pole_without_any_width_holds_to_both_sides() -> None:
     assert along(cells, np.cross(ACROSS, UP)) < 0.05
 
 
-def test_a_wall_holds_along_its_normal_alone() -> None:
+def test_a_wall_constrains_its_normal_only() -> None:
     wall = seen(spread([0.05, 0.5, 0.05], [0.95, 0.5, 0.95]))
     shares, axes = np.linalg.eigh(information(wall))
     assert abs(axes[:, 2] @ ACROSS) > np.cos(np.deg2rad(2))
     assert np.abs(shares[:2]).max() < 1e-9 * shares[2]
-    assert 0.01 < along(wall, ACROSS) < 0.05  # its thickness, and the floor's share of its width
+    assert 0.01 < along(wall, ACROSS) < 0.05  # the thickness, and the floor: a share of the width
 
 
-def test_the_ground_is_told_by_two_rings_and_not_by_one() -> None:
+def test_the_ground_is_constrained_by_two_rings_and_not_by_one() -> None:
     assert along(seen(ring(0.3, 0.5)), UP) == np.inf
     ground = seen(np.concatenate([ring(0.3, 0.5), ring(0.8, 0.5)]))
     assert along(ground, UP) < 0.05
@@ -97,24 +98,24 @@ def test_the_ground_is_told_by_two_rings_and_not_by_one() -> None:
 
 
 @pytest.mark.parametrize("z", [0.1, 0.5, 0.9])
-def test_a_lone_rings_trace_on_a_wall_tells_nothing(z: float) -> None:
+def test_the_trace_of_a_single_ring_on_a_wall_has_no_information(z: float) -> None:
     assert (information(seen(ring(0.5, z))) == 0).all()
 
 
-def test_a_pole_that_crosses_rings_tells_both_sides() -> None:
-    """The strip of it that a sensor sees, 20 cm wide."""
+def test_a_pole_across_rings_constrains_both_sides() -> None:
+    """The visible strip of the pole, 20 cm wide."""
     pole = seen(spread([0.4, 0.5, 0.05], [0.6, 0.5, 0.95], count=60))
     assert along(pole, ALONG) < 0.1
     assert along(pole, ACROSS) < 0.05
-    assert along(pole, UP) > 0.5  # where on the pole, it does not say
+    assert along(pole, UP) > 0.5  # the position along the pole is unconstrained
 
 
-def test_a_clump_tells_nothing() -> None:
+def test_a_clump_has_no_information() -> None:
     assert (information(seen(spread([0.5] * 3, [0.5] * 3, noise=0.1))) == 0).all()
 
 
-def test_without_surfaces_the_whole_covariance_holds() -> None:
-    """As the paper has it, a wall, a ring's trace and a clump alike."""
+def test_without_surfaces_the_information_is_the_inverse_covariance() -> None:
+    """As in the paper: for a wall, the trace of a ring and a clump."""
     for xyz in (
         spread([0.05, 0.5, 0.05], [0.95, 0.5, 0.95]),
         spread([0.05, 0.5, 0.5], [0.95, 0.5, 0.5]),
@@ -128,8 +129,8 @@ def test_without_surfaces_the_whole_covariance_holds() -> None:
 
 
 @pytest.mark.parametrize("factor", [2, 4])
-def test_coarser_cells_are_those_that_the_points_would_have_filled(factor: int) -> None:
-    """Two walls, the ground, poles; by what a scan half a cell off meets in them."""
+def test_coarser_cells_equal_those_made_of_the_points(factor: int) -> None:
+    """Two walls, the ground, poles; compared by the normal equations of a scan half a cell away."""
     parts = [([-9, 4.3, -2], [9, 4.3, 3]), ([6.6, -9, -2], [6.6, 4.3, 3]), ([-9, -9, -1.7], [9, 9, -1.7])]
     poles = [([x, y, -1.7], [x, y, 2]) for x, y in ((-3.3, 2.2), (1.6, -4.4), (4.4, 1.4))]
     xyz = np.concatenate([*(spread(*ends, 4000) for ends in parts), *(spread(*ends) for ends in poles)])
@@ -137,6 +138,6 @@ def test_coarser_cells_are_those_that_the_points_would_have_filled(factor: int) 
     assert len(fine) == len(coarse) > 30
     moved = (xyz + np.array([0.5, -0.3, 0.1])).astype(np.float32)
     found, expected = (cells.normal_equations(moved, ones(moved), np.eye(4), 1, 1.0) for cells in (fine, coarse))
-    assert expected[2][4] > 1000  # points that met a Gaussian
+    assert expected[2][4] > 1000  # points in a cell with a Gaussian
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * np.abs(other).max())

@@ -1,4 +1,4 @@
-"""Thinning of clouds, and the Gaussians of a map's cells."""
+"""Downsampling of clouds, and the Gaussians of a map's cells."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def at(x: float, y: float = 0.0, z: float = 0.0) -> Array:
 
 
 def gaussian(cells: VoxelGaussians, probe: Array) -> tuple[Array, Array] | None:
-    """Mean and covariance (with its floor) of the cell in which `probe` (3,) lies; None where it has no Gaussian.
+    """Mean and covariance (with its floor) of the cell in which `probe` (3,) lies; None if it has no Gaussian.
 
     A single point with the identity's rotation gives H[3:, 3:] = S^-1 and gradient[3:] = S^-1 (x - mean).
     """
@@ -43,7 +43,7 @@ def test_centroids_of_a_literal_cloud() -> None:
     centroids, weights, source = VoxelFilter(1.0)(xyz, ones(xyz))
     np.testing.assert_allclose(centroids, [[5.2, 0.3, 0.2], [1.3, 0.4, 0.3], [-0.1, 1.1, 0.5]], atol=1e-6)
     assert weights.tolist() == [1, 1, 1]
-    assert source.tolist() == [0, 1, 4]  # in the order in which the cells were met
+    assert source.tolist() == [0, 1, 4]  # in the order of the cells' first points
     assert centroids.dtype == weights.dtype == np.float32
 
 
@@ -54,12 +54,12 @@ def test_centroids_follow_the_weights() -> None:
     np.testing.assert_allclose(weights, [2, 0.25], rtol=1e-6)
 
 
-def test_cells_on_both_sides_of_the_origin_are_different() -> None:
+def test_cells_on_both_sides_of_the_origin_differ() -> None:
     xyz = np.array([[0.1, 0.1, 0.1], [-0.1, 0.1, 0.1], [0.1, -0.1, 0.1], [0.1, 0.1, -0.1]], np.float32)
     assert len(VoxelFilter(1.0)(xyz, ones(xyz))[0]) == 4
 
 
-def test_range_limits_and_nan_are_left_out() -> None:
+def test_points_outside_the_range_limits_and_nan_are_removed() -> None:
     xyz = np.array([[1, 0, 0], [3, 0, 0], [0, 0, 0], [9, 9, 0], [np.nan, 5, 5], [5, np.inf, 5], [0, 4, 0]], np.float32)
     centroids, weights, source = VoxelFilter(0.5, 2.0, 10.0)(xyz, ones(xyz))
     assert source.tolist() == [1, 6]
@@ -68,12 +68,12 @@ def test_range_limits_and_nan_are_left_out() -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_points_that_are_not_finite_are_left_out_without_a_range_limit(bad: float) -> None:
+def test_points_that_are_not_finite_are_removed_without_a_range_limit(bad: float) -> None:
     xyz = np.array([[1, 1, 1], [bad, 1, 1], [1, 1, bad]], np.float32)
     assert VoxelFilter(0.5)(xyz, ones(xyz))[2].tolist() == [0]
 
 
-def test_an_empty_cloud_stays_empty() -> None:
+def test_an_empty_cloud_remains_empty() -> None:
     centroids, weights, source = VoxelFilter(0.5)(np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
     assert centroids.shape == (0, 3)
     assert len(weights) == len(source) == 0
@@ -86,7 +86,7 @@ def test_filter_agrees_with_numpy(seed: int, count: int, size: float) -> None:
     xyz = rng.uniform(-6, 6, (count, 3)).astype(np.float32)
     weight = rng.uniform(0.1, 1, count).astype(np.float32)
     thin = VoxelFilter(size)
-    thin(xyz[::-1].copy(), weight)  # the scratch of the scan before does not matter
+    thin(xyz[::-1].copy(), weight)  # the scratch memory of the last scan does not matter
     centroids, weights, source = thin(xyz, weight)
 
     cells = np.floor(xyz.astype(float) / size).astype(int)
@@ -119,7 +119,7 @@ def test_mean_and_covariance_agree_with_numpy(offset: float) -> None:
     np.testing.assert_allclose(covariance, np.cov(exact.T) + 1e-6 * np.eye(3), rtol=1e-6, atol=1e-9)
 
 
-def test_weights_count() -> None:
+def test_mean_and_covariance_are_weighted() -> None:
     rng = np.random.default_rng(4)
     xyz = rng.uniform(1, 3, (50, 3)).astype(np.float32)
     weight = rng.uniform(0.1, 1, 50).astype(np.float32)
@@ -129,13 +129,13 @@ def test_weights_count() -> None:
     assert found is not None
     np.testing.assert_allclose(found[0], np.average(xyz, axis=0, weights=weight), atol=1e-6)
     doubled = VoxelGaussians(4.0, 3, 1000, floor=0.0)
-    doubled.insert(xyz, 2 * weight, np.eye(4))  # only the ratio of weights counts
+    doubled.insert(xyz, 2 * weight, np.eye(4))  # only the ratio of the weights matters
     again = gaussian(doubled, np.array([2.0, 2, 2]))
     assert again is not None
     np.testing.assert_allclose(again[1], found[1], rtol=1e-6)
 
 
-def test_points_are_moved_by_the_pose() -> None:
+def test_points_are_transformed_by_the_pose() -> None:
     xyz = np.random.default_rng(5).uniform(-0.5, 0.5, (40, 3)).astype(np.float32)
     pose = se3.exp(np.array([0.4, -0.2, 1.1, 3, 2, 1.0]))
     cells = VoxelGaussians(20.0, 3, 1000, floor=0.0)
@@ -167,7 +167,7 @@ def test_no_gaussian_below_min_points() -> None:
     assert gaussian(cells, np.array([0.5, 0.5, 0.5])) is not None
 
 
-def test_max_points_stops_a_cell() -> None:
+def test_a_cell_with_max_points_is_not_updated() -> None:
     rng = np.random.default_rng(8)
     first, later = rng.uniform(0.1, 0.4, (20, 3)).astype(np.float32), rng.uniform(0.6, 0.9, (20, 3)).astype(np.float32)
     cells = VoxelGaussians(1.0, 5, 20, floor=0.0)
@@ -176,12 +176,12 @@ def test_max_points_stops_a_cell() -> None:
     found = gaussian(cells, np.array([0.5, 0.5, 0.5]))
     assert found is not None
     np.testing.assert_allclose(found[0], first.mean(axis=0), atol=1e-6)
-    cells.insert(later + np.float32(1), ones(later), np.eye(4))  # other cells still fill
+    cells.insert(later + np.float32(1), ones(later), np.eye(4))  # other cells are still updated
     assert gaussian(cells, np.array([1.5, 1.5, 1.5])) is not None
 
 
-def test_cells_survive_growth() -> None:
-    """Far more cells than there is room for at first; all are still found afterwards."""
+def test_cells_are_kept_when_the_table_grows() -> None:
+    """Far more cells than the initial capacity; all are found afterwards."""
     rng = np.random.default_rng(9)
     cells = VoxelGaussians(1.0, 3, 1000, floor=0.0)
     corners = np.stack(np.meshgrid(*[np.arange(-15, 15)] * 3), axis=-1).reshape(-1, 3)
@@ -195,7 +195,7 @@ def test_cells_survive_growth() -> None:
     assert totals[4] == totals[2] == len(corners)
 
 
-def test_clear_forgets_everything() -> None:
+def test_clear_removes_all_cells() -> None:
     xyz = np.random.default_rng(10).uniform(0.1, 0.9, (30, 3)).astype(np.float32)
     cells = VoxelGaussians(1.0, 5, 1000, floor=0.003)
     cells.insert(xyz, ones(xyz), np.eye(4))
@@ -212,11 +212,11 @@ def test_evict_bounds_the_number_of_cells() -> None:
         cells.insert(xyz, ones(xyz), at(5.0 * k))
         cells.evict(np.array([5.0 * k, 0, 0]), 12.0)
         sizes.append(len(cells))
-    assert max(sizes[5:]) <= 1.05 * min(sizes[5:])  # as many as lie within the radius, however far the way
+    assert max(sizes[5:]) <= 1.05 * min(sizes[5:])  # constant: the cells within the radius
     assert gaussian(cells, np.array([0.5, 0.5, 0.5])) is None
 
 
-def test_evict_keeps_what_is_near() -> None:
+def test_evict_keeps_the_cells_within_the_radius() -> None:
     rng = np.random.default_rng(12)
     near, far = rng.uniform(0.1, 0.9, (30, 3)), rng.uniform([30.1, 0.1, 0.1], [30.9, 0.9, 0.9], (30, 3))
     xyz = np.concatenate([far, near]).astype(np.float32)
