@@ -231,7 +231,7 @@ def test_whether_it_was_deskewed_is_not_the_first_scans_to_say(own_folder: Path)
 def test_strict_stops_at_the_first_problem(street_drive: Drive, street_scans: list[Array]) -> None:
     path = street_drive({3: street_scans[3].tobytes()[:-7], 5: b""})
     seen: list[FrameRecord] = []
-    with pytest.raises(InputError, match=r"000003\.bin: cut short"):
+    with pytest.raises(InputError, match=r"000003\.bin: truncated"):
         Pipeline().run(open_dataset(path), strict=True, on_frame=seen.append)
     assert [record.index for record in seen] == [0, 1, 2]
 
