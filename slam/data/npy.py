@@ -96,7 +96,7 @@ def _misfit(table: Array, columns: Sequence[str] | None) -> str:
     if table.ndim == 2 and table.shape[0] in (3, 4) and table.dtype.kind in "fiu":
         return f"{shape}; N x {table.shape[0]} is expected: save points.T"
     if table.ndim == 2 and table.shape[1] > 4 and table.dtype.kind in "fiu":
-        return f"{shape}; more than 4 columns need names: a structured array, or for files --columns x,y,z,..."
+        return f"{shape}; more than N x 4 needs names: a structured array, or for files --columns x,y,z,..."
     return f"{shape}; numbers of shape N x 3 or N x 4 are expected"
 
 

@@ -354,7 +354,7 @@ CASES = [
     Case("27", "all times are equal", "no times, no message", "no times, and the reason",
          timed(lambda _: {"t": np.full(COUNT, 7.0)}, "none (t is the same for all points", None)),
     Case("28", "no time field", "no times, no message", "no times, and the reason",
-         timed(lambda _: {}, "none (no field", None)),
+         timed(lambda _: {}, "none (no time field", None)),
     Case("29a", "ring as uint8", "right", "right", rings_as("u1", lambda ring: ring, "vlp16")),
     Case("29b", "ring as int32, counted from the bottom", "decided per scan", "reversed, decided once per sequence",
          rings_as("i4", lambda ring: 15 - ring, None)),

@@ -124,7 +124,7 @@ def test_scans_with_another_number_of_rings_are_left_out(folder: Path, hdl64_sca
     lines, problems = fitted(folder)
     assert errors(lines) < (0.001, 0.1)
     assert len(problems) == 1
-    assert "64 rings: scan 2 (39), 3 (0)" in problems[0]
+    assert "without 64 rings, left out (number of rings): 2 (39), 3 (0)" in problems[0]
     assert len(fitted(folder, rings=39)[0].points) == 39
 
 
@@ -223,4 +223,4 @@ def test_real_sequences_give_the_shipped_table(real_data: Callable[[str], Path],
     assert (np.rad2deg(lines.elevation_error) < 0.001).all()
     assert (lines.offset_error < 0.0002).all()
     assert (np.rad2deg(lines.residual) < 0.006).all()
-    assert [problem.message.partition("scan ")[2] for problem in problems] == ["42 (65)"] * (name == "kitti_raw_0005")
+    assert [problem.message.rpartition(": ")[2] for problem in problems] == ["42 (65)"] * (name == "kitti_raw_0005")
