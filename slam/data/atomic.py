@@ -1,4 +1,4 @@
-"""No half-written file ever stands under a final name."""
+"""Atomic writing of files: no half-written file has a final name."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from slam.data.errors import InputError
 
 @contextmanager
 def written_beside(path: Path) -> Iterator[Path]:
-    """A name to write to, in the same folder and with the same suffix; it becomes `path` when all has gone well.
+    """Yield a temporary path in the same folder, with the same suffix; on success it is renamed to `path`.
 
-    Raises InputError where the disk is full or the folder cannot be written.
+    Raises:
+        InputError: The disk is full or the folder is not writable.
     """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
@@ -22,20 +23,29 @@ def written_beside(path: Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+        fault = f"cannot be written ({error.strerror or error})"
+        raise InputError(f"{path}: {fault}; free space or choose another folder") from error
     finally:
         if temporary.parent.is_dir():
             temporary.unlink(missing_ok=True)
 
 
 def require_writable(folder: Path) -> None:
-    """Raise InputError where `folder` is none or cannot be made; nothing is made yet."""
+    """Check that `folder` is a writable folder or can be created; nothing is created yet.
+
+    Raises:
+        InputError: It is neither.
+    """
     existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not existing.is_dir() or not os.access(existing, os.W_OK):
-        raise InputError(f"{folder}: {existing} is no folder that can be written to; choose another")
+        raise InputError(f"{folder}: {existing} is not a writable folder; choose another folder")
 
 
 def write_text(path: Path, text: str) -> None:
-    """Text to a file, whole or not at all."""
+    """Write a UTF-8 text file atomically.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
     with written_beside(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -1,9 +1,9 @@
-"""Tables of numbers without names, .bin files above all: which numbers make a point, said by the user or told by them.
+"""Column layout of files without a header, above all .bin: stated by the user or estimated from the values.
 
-Whoever writes a .bin writes what he likes, most often x, y, z, reflectance in float32 as KITTI does, but nuScenes adds
-the ring, others ring and time. Of the layouts that are tried, a wrong one mixes x, y, z and the rest in each of its
-columns, so that all of its columns look alike; in the right one they differ. That is measured by how much of the
-variance of the numbers' ranks lies between the columns (eta squared).
+The format .bin has no header. Most files hold float32 x, y, z and reflectance as KITTI's do; nuScenes adds the ring,
+others ring and time. A wrong layout mixes x, y, z and the other fields in each of its columns, so that all columns have
+similar distributions; in the right layout the distributions differ. The difference is measured by the share of the
+variance of the values' ranks that lies between the columns (eta squared).
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.point_blocks import Columns, Content, UnreadableError
 
-#: Numbers a point that are tried, in the order in which equals are preferred. More than 6 are not taken: nobody knows
-#: what they are.
+#: Values per point that are tried, the first preferred among equals. A layout of more than 6 is not used: the meaning
+#: of its columns is unknown.
 WIDTHS = (4, 3, 5, 6, 7, 8, 9, 10, 11, 12)
-#: A layout that separates the columns by so much of the best is as good.
+#: Share of the best separation from which a layout counts as equally good.
 CLOSE = 0.85
-#: A separation that chance does not give.
+#: Separation that does not occur by chance.
 CLEAR = 0.1
-#: So many points say nothing of their columns.
+#: Number of points up to which no separation can be measured.
 FEW = 20
-#: What coordinates are [m], but for 0.
+#: Range of plausible coordinates [m], apart from 0.
 SMALLEST, LARGEST = 1e-9, 1e8
-#: Bytes of each file that are looked at.
-LOOKED_AT = 1 << 18
+#: Bytes that are examined per file.
+EXAMINED = 1 << 18
 
 
 @dataclass(frozen=True)
 class Layout:
-    """The columns of a table: their names in lower case ('_' for one of no use) and types."""
+    """Columns of a table: names in lower case ('_' for an unused column) and types."""
 
     columns: tuple[tuple[str, np.dtype], ...]
 
     @property
     def names(self) -> list[str]:
-        """The names in the order of the columns."""
+        """Column names, in order."""
         return [name for name, _ in self.columns]
 
     def __str__(self) -> str:
@@ -56,20 +56,22 @@ KITTI = _layout(("x", "y", "z", "intensity"), np.dtype("<f4"))
 
 
 def parsed_columns(text: str) -> Layout:
-    """What --columns says: names with commas between, each float32 or of the type behind a colon: 'x,y,z,t:u4,_:u2'.
+    """Parse the value of --columns: names separated by commas, float32 or of the type after a colon: 'x,y,z,t:u4,_:u2'.
 
-    Raises InputError where that is none, or has no x, y and z.
+    Raises:
+        InputError: A column is not of this form, a name is repeated, or x, y or z is missing.
     """
     columns = []
     for word in text.split(","):
         name, _, kind = word.strip().lower().partition(":")
         if not name or (kind or "f4") not in KINDS:
-            fault = f"'{word}' is no column; write names, where they are not float32 with their type"
+            fault = f"'{word}' is not a column; write NAME, or NAME:TYPE if the type is not float32"
             raise InputError(f"--columns {text}: {fault} ({', '.join(KINDS)}), as in x,y,z,t:u4")
         columns.append((name, np.dtype(f"<{kind or 'f4'}")))
     names = [name for name, _ in columns if name != "_"]
     if not {"x", "y", "z"} <= set(names) or len(set(names)) < len(names):
-        raise InputError(f"--columns {text}: x, y and z must be among them, and each name once; as in x,y,z,intensity")
+        fault = "x, y and z are required, and each name once"
+        raise InputError(f"--columns {text}: {fault}; write for example x,y,z,intensity")
     return Layout(tuple(columns))
 
 
@@ -77,7 +79,7 @@ KINDS = ("f4", "f8", "u1", "u2", "u4", "u8", "i1", "i2", "i4", "i8")
 
 
 def read_bin(file: BinaryIO, size: int, wanted: Collection[str], layout: Layout) -> Content:
-    """The `wanted` columns of a file of nothing but numbers."""
+    """Read the `wanted` columns of a file without a header, of `size` bytes."""
     places, at = {}, 0
     for name, kind in layout.columns:
         if name in wanted:
@@ -86,22 +88,25 @@ def read_bin(file: BinaryIO, size: int, wanted: Collection[str], layout: Layout)
     count, left = divmod(size, at)
     content = Content(layout.names, count, Columns(places, at).binary(file, count))
     if left:
-        text = f"cut short; its first {count} points are used, {left} bytes of the next are left over"
+        text = f"truncated; the first {count} points are used, the {left} bytes after them are left out"
         content.faults.append(("truncated scan", text))
     return content
 
 
 def told_layout(files: Iterable[BinaryIO]) -> Layout:
-    """The layout of .bin files by the numbers in some of them, which stand at their beginning afterwards; KITTI's where
-    there are none.
+    """Estimate the layout of .bin files from some of them; each is left at its beginning.
 
-    Raises UnreadableError where none is plausible.
+    Returns:
+        The layout; KITTI's if the files hold no finite value but 0.
+
+    Raises:
+        UnreadableError: No layout is plausible.
     """
     samples = []
     for file in files:
         size = file.seek(0, 2)
         file.seek(0)
-        data = file.read(LOOKED_AT)
+        data = file.read(EXAMINED)
         file.seek(0)
         some = np.frombuffer(data, "<f4", len(data) // 4)
         if len(some) >= 3 and (np.isfinite(some) & (some != 0)).any():
@@ -109,24 +114,30 @@ def told_layout(files: Iterable[BinaryIO]) -> Layout:
     layout = layout_of(samples) if samples else KITTI
     if layout is None:
         raise UnreadableError(
-            "neither 3 to 6 float32 nor float64 a point are plausible; "
-            "say what the numbers are: --columns x,y,z,intensity or with types: x,y,z,t:u4,ring:u2"
+            "neither 3 to 6 float32 nor 3 to 6 float64 values per point are plausible; "
+            "state the columns: --columns x,y,z,intensity or with types: x,y,z,t:u4,ring:u2"
         )
     return layout
 
 
 def layout_of(samples: Sequence[tuple[bytes, int]]) -> Layout | None:
-    """The layout of .bin files, of which the first bytes and the size are given; None where none is plausible.
+    """Estimate the layout of .bin files.
 
-    Few points tell little: then it is KITTI's where that is plausible.
+    Few points do not separate the columns: KITTI's layout is then preferred if it is plausible.
+
+    Args:
+        samples: First bytes and size in bytes of each file.
+
+    Returns:
+        The layout, or None if none is plausible.
     """
-    with np.errstate(all="ignore"):  # numbers of another layout are anything
+    with np.errstate(all="ignore"):  # bytes that are read by a wrong layout give any value
         return _layout_of(samples)
 
 
 def _layout_of(samples: Sequence[tuple[bytes, int]]) -> Layout | None:
     unclear = None
-    for kind in (np.dtype("<f4"), np.dtype("<f8")):  # numbers of 8 bytes seldom look like such of 4
+    for kind in (np.dtype("<f4"), np.dtype("<f8")):  # float64 values are seldom plausible as float32
         scores = {width: score for width in WIDTHS if (score := _score(samples, kind, width)) is not None}
         best = max(scores.values(), default=(0.0, 0.0))
         if best[0] > CLEAR:
@@ -138,8 +149,10 @@ def _layout_of(samples: Sequence[tuple[bytes, int]]) -> Layout | None:
 
 
 def _score(samples: Sequence[tuple[bytes, int]], kind: np.dtype, width: int) -> tuple[float, float] | None:
-    """How well the columns of such a table are told apart, in most of the samples, and the share of these that hold
-    whole points only; None where they are no points."""
+    """Separation of the columns, and the share of the files that hold complete points only.
+
+    None if most of the samples are not plausible points in this layout.
+    """
     tables = [(_table(data, kind, width), size) for data, size in samples]
     fit = [(table, size) for table, size in tables if _plausible(table)]
     if 2 * len(fit) <= len(samples):
@@ -157,7 +170,7 @@ def _table(data: bytes, kind: np.dtype, width: int) -> Array:
 
 
 def _plausible(table: Array) -> bool:
-    """Whether x, y and z of a table are coordinates: of usual size, none the same everywhere, seldom exactly 0."""
+    """Whether x, y and z are plausible coordinates: of usual size, none constant, seldom exactly 0."""
     xyz = table[:, :3]
     xyz = xyz[np.isfinite(xyz).all(axis=1) & xyz.any(axis=1)]
     if len(xyz) == 0:
@@ -169,9 +182,12 @@ def _plausible(table: Array) -> bool:
 
 
 def _separation(table: Array) -> float:
-    """How much of the variance of the numbers' ranks lies between the columns, 0..1, less what chance gives."""
+    """Share of the variance of the values' ranks that lies between the columns (eta squared), corrected for chance.
+
+    The sum over the values, their magnitudes and whether they are whole, each at most 1.
+    """
     rows, width = table.shape
-    there = np.isfinite(table) & (table != 0)  # zeros are points without return
+    there = np.isfinite(table) & (table != 0)  # zeros are points without a return
     columns = np.broadcast_to(np.arange(width), table.shape)[there]
     counts = np.bincount(columns, minlength=width)
     if rows <= FEW or len(columns) <= FEW * width:
@@ -188,13 +204,13 @@ def _separation(table: Array) -> float:
 
 
 def _ranks(values: Array) -> Array:
-    """Each number's rank among all, the same for equal ones."""
+    """Rank of each value, the same for equal values."""
     _, place, count = np.unique(values, return_inverse=True, return_counts=True)
     return np.asarray((np.cumsum(count) - count / 2)[place])
 
 
 def _names(table: Array) -> list[str]:
-    """The names of columns: x, y, z, intensity, then ring for small whole numbers and time for others."""
+    """Column names: x, y, z, intensity, then 'ring' for small whole numbers and 'time' for others."""
     names = ["x", "y", "z", "intensity"][: table.shape[1]]
     for values in table[:, 4:].T:
         values = values[np.isfinite(values)]

@@ -1,4 +1,4 @@
-"""A scan's points, and what belongs to one instant of a drive."""
+"""Point clouds, frames and the camera calibration."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ MEASURED_SIGMA = 0.02
 class PointCloud:
     """N points in the sensor's frame (x forward, y left, z up), immutable: methods return new clouds.
 
-    xyz        (N, 3) float32, metres
-    intensity  (N,) float32, 0..1
-    ring       (N,) int16, 0 = top laser, or None where the rings are unknown
-    time       (N,) float32, seconds from the scan's stamp, or None where the points need no deskewing
-    sigma      (N,) float32, metres: half the width of the central 68 % interval of the range error
-    measured   (N,) bool: returned by the sensor (True) or predicted by an enricher (False)
-    colour     (N, 3) uint8 RGB, or None
+    Attributes:
+        xyz: (N, 3) float32 [m].
+        intensity: (N,) float32, 0..1.
+        ring: (N,) int16, 0 = top laser; None if the rings are unknown.
+        time: (N,) float32, seconds from the scan's stamp; None if unknown, or if the points need no deskewing.
+        sigma: (N,) float32 [m], half the width of the central 68 % interval of the range error.
+        measured: (N,) bool, True for returns of the sensor, False for points that an enricher predicted.
+        colour: (N, 3) uint8 RGB, or None.
     """
 
     xyz: Array
@@ -61,15 +62,15 @@ class PointCloud:
         return len(self.xyz)
 
     def select(self, index: Array) -> PointCloud:
-        """The points that a mask (N,) or an index array picks, with all their fields."""
+        """Return the points of a mask (N,) or an index array, with all their fields."""
         return self._map(lambda values: values[index])
 
     def with_xyz(self, xyz: Array) -> PointCloud:
-        """The same points elsewhere: (N, 3)."""
+        """Return the cloud with other coordinates (N, 3) [m]."""
         return replace(self, xyz=xyz)
 
     def transformed(self, T_b_a: Array) -> PointCloud:
-        """The cloud of frame a in frame b; `T_b_a` (4, 4)."""
+        """Transform the cloud from frame a to frame b; `T_b_a` (4, 4)."""
         rotation, translation = T_b_a[:3, :3].astype(np.float32), T_b_a[:3, 3].astype(np.float32)
         return self.with_xyz(self.xyz @ rotation.T + translation)
 
@@ -79,19 +80,21 @@ class PointCloud:
         return PointCloud(**mapped)
 
 
-#: Past clouds, newest last, each with T_now_then (4, 4): its sensor's frame in the present one, as predicted.
+#: Clouds of earlier scans, newest last, each with T_now_then (4, 4): predicted pose of its frame in the current frame.
 History = Sequence[tuple[PointCloud, Array]]
-HISTORY = 5  # past clouds that a front end is shown
+HISTORY = 5  # clouds of earlier scans that a front end receives
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The camera beside the LiDAR.
+    """Calibration of the camera.
 
-    K                (3, 3) pinhole matrix of the image as it is delivered, pixels
-    T_camera_lidar   (4, 4) maps LiDAR points into the camera's frame (z forward)
-    distortion       OpenCV's coefficients (k1 k2 p1 p2 [k3 ...]); empty for rectified images
-    T_camera0_lidar  (4, 4) for data sets whose reference poses are those of another camera (KITTI's camera 0)
+    Attributes:
+        K: (3, 3) pinhole matrix of the image as stored [pixels].
+        T_camera_lidar: (4, 4), LiDAR to camera (z forward).
+        distortion: OpenCV's coefficients (k1 k2 p1 p2 [k3 ...]); empty for rectified images.
+        T_camera0_lidar: (4, 4), LiDAR to the camera that the reference poses belong to, if it is another one (KITTI's
+            camera 0); else None.
     """
 
     K: Array
@@ -102,9 +105,15 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One scan of a drive: its number in the data set, stamp [s], points as recorded, and the camera beside it.
+    """One scan of a sequence, with its image.
 
-    `problems` says what was wrong with this scan or its image, and what was done about it.
+    Attributes:
+        index: Number of the scan in the data set.
+        stamp: Time stamp [s].
+        cloud: Points as recorded.
+        calibration: Calibration of the camera, or None.
+        read_image: Reads the image, see `image`.
+        problems: Faults of this scan or its image, and how they were handled.
     """
 
     index: int
@@ -116,5 +125,5 @@ class Frame:
 
     @property
     def image(self) -> Array | None:
-        """(H, W, 3) uint8 RGB, read when asked for; None where the data set has no image of this scan."""
+        """Image (H, W, 3) uint8 RGB, read on access; None if the data set has no image for this scan."""
         return self.read_image()

@@ -1,4 +1,4 @@
-"""What the stamps, point times, intensities and poses of a drive mean, where its owner says so."""
+"""Conventions of a sequence as the user states them: stamps, point times, intensities and quaternions."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from typing import Any
 from slam.data.errors import InputError
 from slam.data.yaml_files import read_mapping, suggest
 
-#: The instants of a sweep that a scan's stamp can belong to, as fractions of it.
+#: Instants of a sweep that a scan's stamp can refer to, as fractions of the sweep.
 INSTANTS = {"start": 0.0, "middle": 0.5, "end": 1.0}
 #: Units of time, in seconds.
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-#: Keys of a sensor.yaml that say how to read what lies beside it, not which LiDAR it was.
+#: Keys of a sensor.yaml that describe how the files are read, not the LiDAR.
 KEYS = ("stamp", "time_field", "full_intensity", "quaternion")
 ORDERS = ("xyzw", "wxyz")
 
 
 @dataclass(frozen=True)
 class Conventions:
-    """How a drive is to be read; what is None is found from its first scans.
+    """Conventions of a sequence; each that is None is estimated from the first scans.
 
     Attributes:
-        stamp: The instant of a sweep that a scan's stamp, and so its pose, belongs to: 'start', 'middle' or 'end'.
-        time_field: The field with the points' times, and
-        time_unit: its unit, one of `UNITS`.
-        full_intensity: The value in the files that stands for an intensity of 1.
-        quaternion: The order of the quaternions in poses.txt, one of `ORDERS`.
+        stamp: Instant of the sweep that a scan's stamp, and so its pose, refers to: 'start', 'middle' or 'end'.
+        time_field: Name of the field with the point times.
+        time_unit: Unit of the point times, one of `UNITS`.
+        full_intensity: Value in the files that corresponds to an intensity of 1.
+        quaternion: Order of the quaternions in poses.txt, one of `ORDERS`.
     """
 
     stamp: str | None = None
@@ -37,12 +37,20 @@ class Conventions:
     quaternion: str | None = None
 
     def said(self, stamp: str | None = None, point_time: str | None = None, where: str | None = None) -> Conventions:
-        """The same with what somebody says: `point_time` is FIELD or FIELD:UNIT. `where` names the place for messages,
-        by default the command line. Raises InputError on a word or unit that does not exist."""
+        """Return a copy with the given values.
+
+        Args:
+            stamp: One of `INSTANTS`.
+            point_time: FIELD or FIELD:UNIT.
+            where: Source of the values in error messages; by default the option of the command line.
+
+        Raises:
+            InputError: The instant or the unit is unknown.
+        """
         result = self
         if stamp is not None:
             if str(stamp) not in INSTANTS:
-                raise InputError(f"{where or '--stamp'}: '{stamp}'{suggest(str(stamp), INSTANTS)}")
+                raise InputError(f"{where or '--stamp'}: unknown instant '{stamp}'{suggest(str(stamp), INSTANTS)}")
             result = replace(result, stamp=stamp)
         if point_time is not None:
             name, colon, unit = str(point_time).partition(":")
@@ -54,10 +62,14 @@ class Conventions:
 
 
 def read_conventions(files: list[Path], keys: tuple[str, ...]) -> Conventions:
-    """What sensor files say, the later ones before the earlier; `keys` are all that may stand in them.
+    """Read the conventions in sensor files; later files override earlier ones.
+
+    Args:
+        files: YAML files.
+        keys: All keys that the files may have.
 
     Raises:
-        InputError: A file is no mapping, has a key that is unknown or a value that makes no sense.
+        InputError: A file is not a mapping, or has an unknown key or an invalid value.
     """
     result = Conventions()
     for path in files:
@@ -75,5 +87,6 @@ def read_conventions(files: list[Path], keys: tuple[str, ...]) -> Conventions:
 
 def _positive(path: Path, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < float("inf"):
-        raise InputError(f"{path}: full_intensity: '{value}'; the value that stands for full reflectance, as in 255")
+        expected = "a positive number is expected, the value of full reflectance, for example 255"
+        raise InputError(f"{path}: full_intensity: '{value}'; {expected}")
     return float(value)

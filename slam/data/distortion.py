@@ -1,4 +1,4 @@
-"""What bends a scan, undone: the motion of the sensor during the sweep, and the HDL-64E's elevation error."""
+"""Correction of distorted scans: deskewing, and the elevation error of the HDL-64E."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ from slam.data.kernels import move_to_stamp, raise_elevation
 
 
 def deskew(cloud: PointCloud, velocity: Array) -> PointCloud:
-    """The cloud as a sensor standing still at the instant of the scan's stamp would have seen it.
+    """Deskew a cloud: move each point to its position in the sensor's frame at the scan's stamp.
 
-    `velocity` (6,), rotation [rad/s] first, then translation [m/s], in the sensor's axes, is taken as constant over the
-    sweep, as in KISS-ICP (Vizzo et al., RA-L 2023, eq. 2). Clouds without times are returned as they are.
+    The velocity is taken as constant over the sweep, as in KISS-ICP (Vizzo et al., RA-L 2023, eq. 2). A cloud without
+    point times is returned unchanged.
+
+    Args:
+        cloud: The cloud as recorded.
+        velocity: (6,), rotation [rad/s] first, then translation [m/s], in the sensor's frame.
     """
     if cloud.time is None:
         return cloud
@@ -23,10 +27,10 @@ def deskew(cloud: PointCloud, velocity: Array) -> PointCloud:
 
 
 def correct_vertical(cloud: PointCloud, angle: float) -> PointCloud:
-    """The cloud with every elevation raised by `angle` [rad]: KITTI's HDL-64E needs 0.205 deg.
+    """Raise the elevation of every point by `angle` [rad]; KITTI's HDL-64E needs 0.205 deg.
 
-    A rotation of each point p about p x z (Deschaud, "IMLS-SLAM", ICRA 2018). Rings must have been recovered and
-    dropped before: afterwards the points no longer lie on their lasers' lines.
+    Each point p is rotated about p x z (Deschaud, "IMLS-SLAM", ICRA 2018). Recover and drop rings before: afterwards
+    the points no longer lie on the laser lines.
     """
     if angle == 0.0:
         return cloud

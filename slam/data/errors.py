@@ -1,8 +1,8 @@
-"""What goes wrong with a user's input, said in one line."""
+"""Errors of user input, with a one-line message."""
 
 
 class InputError(Exception):
-    """A user's mistake or a broken file: the message names the file, what is wrong with it and what to do.
+    """A user's mistake or a damaged file; the message names the file, the fault and the remedy.
 
-    The command line prints the message alone and exits with 1.
+    The command line prints only the message and exits with code 1.
     """

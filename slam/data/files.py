@@ -1,4 +1,4 @@
-"""What the loaders share: numbered files, scans in KITTI's format."""
+"""Helpers of the loaders: numbered files, rows of text files, KITTI's calibration files."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.problem import Problem, spans
 
-SCAN_PERIOD = 0.1
+SCAN_PERIOD = 0.1  # s
 
 
 def files_by_number(folder: Path, suffixes: Iterable[str]) -> dict[int, Path]:
-    """The files whose names are whole numbers, in their order. Empty where there is no such folder."""
+    """Return the files whose names are whole numbers, by number, sorted; empty if the folder does not exist."""
     if not folder.is_dir():
         return {}
     files = [path for path in folder.iterdir() if path.suffix.lower() in suffixes and path.stem.isascii()]
@@ -24,12 +24,12 @@ def files_by_number(folder: Path, suffixes: Iterable[str]) -> dict[int, Path]:
 
 
 def natural_key(path: Path) -> list[tuple[int, str]]:
-    """Sorts scan2 before scan10."""
+    """Return the key for natural sorting, which places scan2 before scan10."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.findall(r"[0-9]+|[^0-9]+", path.name)]
 
 
 def gaps(numbers: Array, folder: Path, step: int = 1) -> tuple[Problem, ...]:
-    """A Problem that names the numbers missing between the first and the last of `numbers` (N,), `step` apart."""
+    """Return a Problem that lists the numbers missing in `numbers` (N,), which should be `step` apart."""
     jumps = np.flatnonzero(np.diff(numbers) > 1.5 * step)
     if len(jumps) == 0:
         return ()
@@ -40,9 +40,22 @@ def gaps(numbers: Array, folder: Path, step: int = 1) -> tuple[Problem, ...]:
 
 
 def rows_by_number(rows: Array, numbers: Array, path: Path) -> Array:
-    """The rows of a text file that belong to the scans `numbers` (N,): a file holds a row for every scan there is, or
-    for every number, from 0 or from the first one on. Rows that are NaN or NaT, of empty lines, keep the place of a
-    number that is missing, or mean nothing. Raises InputError where there is neither."""
+    """Assign the rows of a text file to scans.
+
+    A file has a row per existing scan, or a row per number, counted from 0 or from the first number. Rows of NaN or NaT
+    stand for empty lines: they belong to missing numbers, or are ignored.
+
+    Args:
+        rows: (M, ...), one per line.
+        numbers: (N,), of the scans.
+        path: The file, for the message.
+
+    Returns:
+        The rows (N, ...) of the scans.
+
+    Raises:
+        InputError: The number of rows fits neither the scans nor their numbers.
+    """
     if len(numbers) == 0:
         return rows[:0]
     blank, first, last = rows != rows, numbers[0], numbers[-1]
@@ -57,25 +70,33 @@ def rows_by_number(rows: Array, numbers: Array, path: Path) -> Array:
     if len(rows) == last - first + 1:
         return rows[numbers - first]
     raise InputError(
-        f"{path}: {len(rows)} rows for {len(numbers)} scans, the last is number {last}; "
-        "a row is needed for every scan, or for every number"
+        f"{path}: {len(rows)} rows for {len(numbers)} scans, the last of which is number {last}; "
+        "write one row per scan, or one row per number"
     )
 
 
 def read_numbers(path: Path) -> Array:
-    """A text file with one number a line as (N,) float64. Raises InputError where it holds anything else."""
+    """Read a text file with one number per line.
+
+    Returns:
+        (N,) float64.
+
+    Raises:
+        InputError: The file cannot be read, or a line is not a number.
+    """
     try:
         return np.array([float(line) for line in path.read_text(encoding="utf-8").split("\n") if line.strip()])
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except ValueError as error:
-        raise InputError(f"{path}: one number a line is expected ({error})") from error
+        raise InputError(f"{path}: one number per line is expected ({error})") from error
 
 
 def read_keyed_numbers(path: Path) -> dict[str, Array]:
-    """KITTI's calibration files: lines `key: number ...`; lines with anything else (dates) are left out.
+    """Read a calibration file of KITTI: lines `key: number ...`; other lines (dates) are ignored.
 
-    Raises InputError where the file cannot be read.
+    Raises:
+        InputError: The file cannot be read.
     """
     entries = {}
     try:
@@ -92,14 +113,22 @@ def read_keyed_numbers(path: Path) -> dict[str, Array]:
 
 
 def matrix(entries: dict[str, Array], path: Path, *keys: str) -> Array:
-    """(4, 4) whose upper rows are the named entries side by side, each 3 x n: 'Tr' of 12 numbers, or 'R' of 9 and 'T'
-    of 3. Raises InputError where one is missing or of another size.
+    """Compose a 4x4 matrix from entries of a calibration file.
+
+    Args:
+        entries: By `read_keyed_numbers`.
+        path: The file, for the message.
+        keys: Names of the entries, 3 x n each, that form the upper rows from left to right: 'Tr' of 12 numbers, or 'R'
+            of 9 and 'T' of 3.
+
+    Raises:
+        InputError: An entry is missing, not finite or of another size.
     """
     blocks = [entries.get(key, np.zeros(0)) for key in keys]
     sizes = {("Tr",): [12], ("R", "T"): [9, 3], ("R_rect_00",): [9]}.get(keys, [12])
     for key, values, size in zip(keys, blocks, sizes, strict=True):
         if len(values) != size or not np.isfinite(values).all():
-            raise InputError(f"{path}: a line '{key}: ' with {size} numbers is needed; copy the file afresh")
+            raise InputError(f"{path}: a line '{key}: ' with {size} numbers is missing; copy the file again")
     result = np.eye(4)
     rows = np.hstack([values.reshape(3, -1) for values in blocks])
     result[:3, : rows.shape[1]] = rows

@@ -1,4 +1,4 @@
-"""Loops over points that numpy would do several times slower. A kernel and all it calls share this file."""
+"""Numba kernels over points, several times faster than numpy. A kernel and all it calls share this file."""
 
 import math
 
@@ -8,10 +8,10 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def move_to_stamp(xyz, time, first, second, third):
-    """Each point where it stood at the stamp: exp(t xi) x to the third order in its time t [s] from there.
+    """Move each point to its position at the stamp: exp(t xi) x to third order in its time t [s] from the stamp.
 
     `first`, `second`, `third` (3, 4) are the top rows of X, X^2 / 2 and X^3 / 6, with X the matrix of the velocity xi.
-    The fourth order, left out, turns by less than 1e-5 rad at 1.5 rad/s and half a sweep of 0.1 s.
+    The omitted fourth order rotates by less than 1e-5 rad at 1.5 rad/s and half a sweep of 0.1 s.
     """
     out = np.empty_like(xyz)
     for i in range(len(xyz)):
@@ -27,7 +27,7 @@ def move_to_stamp(xyz, time, first, second, third):
 
 @njit(cache=True, nogil=True)
 def raise_elevation(xyz, sine, cosine):
-    """Each point turned upwards, in the vertical plane through it and the sensor, by the angle of (sine, cosine)."""
+    """Rotate each point upwards, in the vertical plane through it and the sensor, by the angle of (sine, cosine)."""
     out = np.empty_like(xyz)
     for i in range(len(xyz)):
         rho = math.sqrt(xyz[i, 0] * xyz[i, 0] + xyz[i, 1] * xyz[i, 1])
@@ -40,9 +40,9 @@ def raise_elevation(xyz, sine, cosine):
 
 @njit(cache=True, nogil=True)
 def wraps(xyz):
-    """(N,) bool: does the azimuth (mod 2 pi) fall by more than pi from the point before to this one?
+    """Find azimuth wraparounds: (N,) bool, whether the azimuth (mod 2 pi) falls by more than pi from the point before.
 
-    That is the step over +x from the right (y < 0) to the left by less than half a turn, so no angle is needed.
+    This is a step across +x from the right (y < 0) to the left by less than half a turn, so no angle is computed.
     """
     out = np.zeros(len(xyz), np.bool_)
     for i in range(1, len(xyz)):
@@ -53,7 +53,7 @@ def wraps(xyz):
 
 @njit(cache=True, nogil=True)
 def count_up(steps):
-    """(N,) bool -> (N,) int16: how many steps there were up to each point."""
+    """Count the steps (N,) bool up to each point: (N,) int16."""
     out, count = np.empty(len(steps), np.int16), 0
     for i in range(len(steps)):
         count += steps[i]
@@ -63,7 +63,7 @@ def count_up(steps):
 
 @njit(cache=True, nogil=True)
 def nearest_lines(xyz, tangent, offset):
-    """(N,) int16: the laser k whose line z = tangent[k] * rho + offset[k] passes nearest above or below each point."""
+    """Find for each point the laser k whose line z = tangent[k] * rho + offset[k] is vertically nearest: (N,) int16."""
     out = np.empty(len(xyz), np.int16)
     for i in range(len(xyz)):
         rho = math.sqrt(xyz[i, 0] * xyz[i, 0] + xyz[i, 1] * xyz[i, 1])
@@ -78,11 +78,11 @@ def nearest_lines(xyz, tangent, offset):
 
 @njit(cache=True, nogil=True)
 def cheapest_lines(xyz, weight, wrap, tangent, offset, spacing, switch_cost):
-    """Rings (N,) int16 that never fall along the file and fit the laser lines best; and the weighted mean misfit, 0..1.
+    """Find the non-decreasing rings (N,) int16 along the file that best fit the laser lines, and the mean misfit, 0..1.
 
-    A point's misfit to line k is its distance from it, seen from the sensor, in units of `spacing[k]` and at most 1.
-    The next ring may come freely at a `wrap`, and for `switch_cost` elsewhere; staying on a ring over a wrap costs
-    half of that. Dynamic programming over points and lines (Viterbi).
+    The misfit of a point to line k is its distance from the line, seen from the sensor, in units of `spacing[k]` and at
+    most 1; the mean is weighted. A step to the next ring costs nothing at a `wrap` and `switch_cost` elsewhere; staying
+    on a ring over a wrap costs half of that. Dynamic programming over points and lines (Viterbi).
     """
     count, lines = len(xyz), len(tangent)
     came_from = np.empty((count, lines), np.int16)
@@ -112,7 +112,7 @@ def cheapest_lines(xyz, weight, wrap, tangent, offset, spacing, switch_cost):
 
 @njit(cache=True, nogil=True)
 def turn_times(xyz, sweep, instant):
-    """(N,) float32: (1/2 - azimuth / (2 pi) - instant) of the sweep [s]."""
+    """Compute point times from azimuths: (1/2 - azimuth / (2 pi) - instant) * sweep, (N,) float32 [s]."""
     out = np.empty(len(xyz), np.float32)
     for i in range(len(xyz)):
         out[i] = (0.5 - instant - math.atan2(xyz[i, 1], xyz[i, 0]) / (2 * math.pi)) * sweep

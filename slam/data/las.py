@@ -1,4 +1,4 @@
-"""LAS and LAZ, the files of surveyors and GIS, through laspy, which is an extra: `pip install 'lidarlift[las]'`."""
+"""LAS and LAZ files of surveying and GIS, by laspy, an optional dependency: `pip install 'lidarlift[las]'`."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from slam.data.point_blocks import AT_ONCE, Block, Columns, Content, UnreadableE
 if TYPE_CHECKING:
     import laspy
 
-#: Coordinates are written in whole millimetres.
+#: Resolution of written coordinates [m].
 STEP = 0.001
 
 
 def read_las(file: BinaryIO, size: int, wanted: Collection[str], path: Path) -> Content:
-    """The `wanted` columns of a .las or .laz file of `size` bytes; fields that a program added included.
+    """Read the `wanted` columns of a .las or .laz file of `size` bytes, extra dimensions included.
 
     Raises:
-        UnreadableError: It is no LAS file.
+        UnreadableError: The file is damaged or not a LAS file.
         InputError: laspy is not installed.
     """
     laspy = _laspy(path)
@@ -38,14 +38,14 @@ def read_las(file: BinaryIO, size: int, wanted: Collection[str], path: Path) -> 
             _check_chunks(file, size, header.offset_to_point_data)
     except UnreadableError:
         raise
-    except Exception as error:  # laspy raises what Python happens to on headers that are none
+    except Exception as error:  # laspy raises many kinds of exceptions on a damaged header
         raise UnreadableError("damaged, or not a LAS file") from error
     names = {name.lower(): name for name in kind.names or ()}
     content = Content(list(names), header.point_count, iter(()))
     used = {name: names[name] for name in names if name in wanted}
     if header.are_points_compressed:
         content.count = min(header.point_count, AT_ONCE)
-        tables = _unpacked(reader, content)
+        tables = _decompressed(reader, content)
     else:
         content.count = min(header.point_count, max(0, size - header.offset_to_point_data) // kind.itemsize)
         if content.count < header.point_count:
@@ -58,9 +58,10 @@ def read_las(file: BinaryIO, size: int, wanted: Collection[str], path: Path) -> 
 
 
 def write_las(path: Path, cloud: PointCloud) -> None:
-    """A cloud as .las or .laz, by the suffix: coordinates in millimetres, intensity 0..65535, colour where there is.
+    """Write a cloud as .las or .laz, by the suffix: coordinates in millimetres, intensity 0..65535, colour if any.
 
-    Raises InputError where laspy is not installed.
+    Raises:
+        InputError: laspy is not installed.
     """
     laspy = _laspy(path)
     header = laspy.LasHeader(point_format=0 if cloud.colour is None else 2, version="1.2")
@@ -78,36 +79,36 @@ def _laspy(path: Path) -> Any:
     try:
         import laspy
     except ImportError as error:
-        raise InputError(f"{path}: LAS needs the package laspy: pip install 'lidarlift[las]'") from error
+        raise InputError(f"{path}: the package laspy is missing; pip install 'lidarlift[las]'") from error
     return laspy
 
 
 def _check_sizes(header: bytes, size: int) -> None:
-    """Raise UnreadableError where the header speaks of more than the file has, which laspy would look for."""
+    """Raise UnreadableError if the header states more data than the file has, which laspy would try to read."""
     if len(header) < 227 or header[:4] != b"LASF":
         raise UnreadableError("not a LAS file")
     points, records = (int.from_bytes(header[at : at + 4], "little") for at in (96, 100))
     if points > size or 54 * records > points:
-        raise UnreadableError("damaged: its header says more than the file has")
+        raise UnreadableError("damaged: the header states more data than the file has")
 
 
-#: What the layers of a .laz point are, by LASzip's numbers, and their bytes; None for any.
+#: Items of a .laz point by LASzip's numbers, and their sizes in bytes; None for any size.
 ITEMS = {0: None, 6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29, 14: None}
 
 
 def _check_items(record: bytes, size: int) -> None:
-    """The same of the parts that a .laz point of `size` bytes is packed as: lazrs panics where they do not fit."""
+    """Raise UnreadableError if the items of a .laz point do not add up to `size` bytes: lazrs panics on them."""
     count = int.from_bytes(record[32:34], "little")
     items = [record[at : at + 6] for at in range(34, 34 + 6 * count, 6)]
     kinds, sizes = ([int.from_bytes(item[at : at + 2], "little") for item in items] for at in (0, 2))
     known = all(ITEMS.get(kind, 0) in (None, each) for kind, each in zip(kinds, sizes, strict=True))
     if not (items and known and sum(sizes) == size):
-        raise UnreadableError("damaged: its points are packed in an unknown way")
+        raise UnreadableError("damaged: unknown compression of the points")
 
 
 def _check_chunks(file: BinaryIO, size: int, start: int) -> None:
-    """The same of the table of chunks in a .laz file. lazrs takes memory for as many as it names, and aborts."""
-    for place in (start, size - 8):  # the table's place stands before the points, or at the end where it was streamed
+    """Raise UnreadableError on an invalid chunk table of a .laz file: lazrs would allocate its count, and abort."""
+    for place in (start, size - 8):  # the table's offset is before the points, or at the end of a streamed file
         file.seek(place)
         at = int.from_bytes(file.read(8), "little", signed=True)
         if at != -1:
@@ -115,17 +116,17 @@ def _check_chunks(file: BinaryIO, size: int, start: int) -> None:
     file.seek(max(0, at))
     table = file.read(8)
     if not start < at <= size - 8 or int.from_bytes(table[4:], "little") > size:
-        raise UnreadableError("damaged: its table of chunks cannot be read")
+        raise UnreadableError("damaged: invalid chunk table")
     file.seek(start)
 
 
-def _unpacked(reader: laspy.LasReader, content: Content) -> Iterator[Block]:
-    """The points of a .laz file, as far as it can be unpacked."""
+def _decompressed(reader: laspy.LasReader, content: Content) -> Iterator[Block]:
+    """Decompress the points of a .laz file, up to the first damage."""
     read, promised = 0, reader.header.point_count
     while read < promised:
         try:
             table = reader.read_points(min(AT_ONCE, promised - read)).array
-        except BaseException as error:  # lazrs panics with an exception that is no Exception
+        except BaseException as error:  # lazrs panics with an exception that is not derived from Exception
             if isinstance(error, KeyboardInterrupt | SystemExit | GeneratorExit):
                 raise
             table = []
@@ -141,6 +142,6 @@ def _scaled(tables: Iterator[Any], used: dict[str, str], header: Any) -> Iterato
         block: dict[str, Array] = {name: table[own] for name, own in used.items()}
         for axis, scale, offset in zip("xyz", header.scales, header.offsets, strict=True):
             if axis in block:
-                with np.errstate(over="ignore", invalid="ignore"):  # of a damaged header
+                with np.errstate(over="ignore", invalid="ignore"):  # a damaged header may have any scale
                     block[axis] = block[axis] * scale + offset
         yield block

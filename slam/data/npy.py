@@ -1,4 +1,4 @@
-"""NumPy's arrays as columns: tables of numbers and structured arrays, of .npy files or in memory; never pickles."""
+"""NumPy arrays as columns: tables of numbers and structured arrays, in .npy files or in memory; never pickles."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.data.point_blocks import AT_ONCE, Block, Content, UnreadableError
 
-#: The columns of a table that nobody named.
+#: Default columns of a table without names.
 USUAL = ("x", "y", "z", "intensity")
 
 
 def read_npy(file: BinaryIO, size: int, wanted: Collection[str], columns: Sequence[str] | None = None) -> Content:
-    """The `wanted` columns of an .npy file of `size` bytes. See `columns_of`.
+    """Read the `wanted` columns of an .npy file of `size` bytes; see `columns_of`.
 
     Raises:
-        UnreadableError: It is no .npy file, or an array of something else than points.
+        UnreadableError: The file is damaged or not an .npy file, or its array does not hold points.
     """
     shape, by_column, kind = _header(file)
     if kind.hasobject:
-        raise UnreadableError("holds Python objects, which are not read; save a plain array: np.save(file, points)")
+        raise UnreadableError("contains Python objects, which are not read; save a plain array: np.save(file, points)")
     if kind.itemsize == 0 or min(shape, default=0) < 0:
-        raise UnreadableError(f"{kind} of shape {shape} is no table of points")
+        raise UnreadableError(f"{kind} of shape {shape} is not a table of points")
     promised = math.prod(shape)
     there = min(promised, max(0, size - file.tell()) // kind.itemsize)
     if there == promised:
         table = np.frombuffer(file.read(there * kind.itemsize), kind)
         return columns_of(table.reshape(shape, order="F" if by_column else "C"), wanted, columns)
-    # Cut short. A structured array has a point in each of its elements, a table `wide` numbers.
+    # Truncated. A structured array has one point per element, a table `wide` numbers per point.
     wide = 1 if kind.names else shape[-1] if len(shape) > 1 else 0
     if not wide or (by_column and wide > 1):
-        raise UnreadableError("cut short, and stored column by column: no point is whole")
+        raise UnreadableError("truncated, and stored column by column: no point is complete")
     table = np.frombuffer(file.read(there // wide * wide * kind.itemsize), kind)
     content = columns_of(table if kind.names else table.reshape(-1, wide), wanted, columns)
     content.cut_short(content.count, promised // wide)
@@ -42,18 +42,18 @@ def read_npy(file: BinaryIO, size: int, wanted: Collection[str], columns: Sequen
 
 
 def columns_of(table: Array, wanted: Collection[str], columns: Sequence[str] | None = None) -> Content:
-    """The `wanted` columns of an array: a structured one, or numbers of shape N x C or, organised, H x W x C.
+    """Return the `wanted` columns of an array: structured, or numbers of shape N x C or, organised, H x W x C.
 
     Args:
-        table: The array. A structured one names its fields; those that are no single number are left out.
-        wanted: The names that are of use, in lower case.
-        columns: What the columns of a table without names are, '_' for none. By default x, y, z, intensity.
+        table: The array. Fields of a structured array that are not a single number are left out.
+        wanted: Names of the columns to read, in lower case.
+        columns: Names of the columns of a table, '_' for an unused one; by default x, y, z, intensity.
 
     Raises:
-        UnreadableError: The array is of another shape or type.
+        UnreadableError: The array has another shape or type.
     """
     if table.dtype.names and columns is not None:
-        raise UnreadableError("its fields have names; leave --columns out")
+        raise UnreadableError("the fields of the array have names; omit --columns")
     if table.size == 0:
         return Content([name.lower() for name in table.dtype.names or USUAL[:3]], 0, iter(()))
     found = dict[str, Array]()
@@ -81,7 +81,7 @@ def _blocks(columns: Mapping[str, Array], count: int) -> Iterator[Block]:
 
 
 def _numbers(values: Array, dimensions: int) -> Array | None:
-    """A field as (N,) numbers, dates as counts of their unit; None where it is something else."""
+    """A field as numbers (N,), dates as counts of their unit; None for any other type."""
     if values.ndim > dimensions and values.size != math.prod(values.shape[:dimensions]):
         return None
     if values.dtype.kind in "mM":
@@ -96,7 +96,7 @@ def _misfit(table: Array, columns: Sequence[str] | None) -> str:
     if table.ndim == 2 and table.shape[0] in (3, 4) and table.dtype.kind in "fiu":
         return f"{shape}; N x {table.shape[0]} is expected: save points.T"
     if table.ndim == 2 and table.shape[1] > 4 and table.dtype.kind in "fiu":
-        return f"{shape}; more than N x 4 needs names: a structured array, or of files --columns x,y,z,intensity,..."
+        return f"{shape}; more than N x 4 needs names: a structured array, or for files --columns x,y,z,..."
     return f"{shape}; numbers of shape N x 3 or N x 4 are expected"
 
 
@@ -105,5 +105,5 @@ def _header(file: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype]:
         version = np.lib.format.read_magic(file)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         return read(file)
-    except Exception as error:  # NumPy raises a dozen kinds on headers that are none
+    except Exception as error:  # NumPy raises a dozen kinds of exceptions on a damaged header
         raise UnreadableError("damaged, or not an .npy file") from error

@@ -13,15 +13,20 @@ from slam.data.errors import InputError
 
 #: Equatorial radius [m] of KITTI's development kit.
 EARTH_RADIUS = 6378137.0
-#: Scans farther from every packet than this [s] have no truth: packets come every 0.1 s.
+#: Maximum time between a scan and the nearest packet [s] for ground truth; packets are 0.1 s apart.
 FARTHEST_PACKET = 0.15
-REMEDY = "copy it afresh, or remove the oxts folder to run without ground truth"
+REMEDY = "copy the file again, or remove the oxts folder to run without ground truth"
 
 
 def read_packets(files: list[Path]) -> Array:
-    """(N, 6) float64: latitude, longitude [deg], altitude [m], roll, pitch, yaw [rad] of each packet file.
+    """Read packet files.
 
-    NaN for a packet without a fix, which has zeros.
+    Returns:
+        (N, 6) float64: latitude, longitude [deg], altitude [m], roll, pitch, yaw [rad]; NaN for a packet without a
+        fix, which has zeros.
+
+    Raises:
+        InputError: A file cannot be read or is not a packet.
     """
     rows = []
     for path in files:
@@ -37,8 +42,10 @@ def read_packets(files: list[Path]) -> Array:
 
 
 def imu_poses(packets: Array) -> Array:
-    """(N, 6) as above -> T_world_imu (N, 4, 4), by the Mercator projection at the first latitude (KITTI's devkit); NaN
-    where a packet is."""
+    """Convert packets (N, 6) to T_world_imu (N, 4, 4), NaN for packets of NaN.
+
+    The projection is Mercator's at the first latitude, as in KITTI's development kit.
+    """
     known = np.isfinite(packets).all(axis=1)
     result = np.full((len(packets), 4, 4), np.nan)
     if not known.any():
@@ -56,10 +63,18 @@ def imu_poses(packets: Array) -> Array:
 
 
 def poses_at(stamps: Array, poses: Array, at: Array) -> Array:
-    """Poses (M, 4, 4) at times `at` (M,), between the samples; NaN where no sample is near.
+    """Interpolate poses at times `at` (M,).
 
-    Packets lag the scans by 12-25 ms, so the first scan lies before the first packet: the samples are continued by
-    one step at either end. `stamps` (N,) must rise; samples of NaN are none.
+    Packets lag the scans by 12-25 ms, so the first scan lies before the first packet: the samples are extrapolated by
+    one step at either end.
+
+    Args:
+        stamps: (N,) increasing times of the samples [s].
+        poses: (N, 4, 4) samples; those of NaN are ignored.
+        at: (M,) times [s].
+
+    Returns:
+        (M, 4, 4), NaN if no sample is near.
     """
     known = np.isfinite(poses).all(axis=(1, 2))
     stamps, poses = stamps[known], poses[known]

@@ -1,4 +1,4 @@
-"""PCL's .pcd files: a header of text, then points as text, as they lie in memory, or compressed column by column."""
+"""PCL's .pcd files: a text header, then points as text, binary, or compressed column by column."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.data.point_blocks import AT_ONCE, Block, Columns, Content, UnreadableError, header_lines, whole_number
 
-#: LZF makes at most 264 bytes of 3.
+#: Maximum compression ratio of LZF: 264 bytes are encoded in 3.
 LZF_RATIO = 88
 
 
 @dataclass(frozen=True)
 class Header:
-    """What a .pcd file says of itself.
+    """Header of a .pcd file.
 
     Attributes:
-        fields: Name in lower case, type letter, bytes of an element, number of elements; '_' is padding, and any
-            number of fields may have that name.
-        count: How many points there are to be.
-        width: Points of a row, or of all.
+        fields: Name in lower case, type letter, bytes of an element, number of elements; any number of fields may have
+            the name '_', which is padding.
+        count: Stated number of points.
+        width: Points per row of an organised cloud, else number of points.
         height: Rows of an organised cloud, else 1.
         data: 'ascii', 'binary' or 'binary_compressed'.
     """
@@ -43,10 +43,10 @@ class Header:
 
 
 def read_pcd(file: BinaryIO, size: int, wanted: Collection[str]) -> Content:
-    """The `wanted` columns of a .pcd file of `size` bytes. VIEWPOINT is not used: points stay in the file's frame.
+    """Read the `wanted` columns of a .pcd file of `size` bytes; VIEWPOINT is ignored, points stay in the file's frame.
 
     Raises:
-        UnreadableError: It is no .pcd file, or holds no points.
+        UnreadableError: The file is damaged or not a .pcd file.
     """
     header = read_header(file)
     names = [name for name, *_ in header.fields]
@@ -60,8 +60,8 @@ def read_pcd(file: BinaryIO, size: int, wanted: Collection[str]) -> Content:
     content = Content(names, 0, iter(()), header.height > 1)
     content.left_out([name for name in dict.fromkeys(names) if name in wanted and name not in places])
     if header.count != header.width * header.height:
-        text = f"its header says POINTS {header.count}, but WIDTH {header.width} and HEIGHT {header.height}"
-        content.faults.append(("odd header", f"{text}; POINTS is believed"))
+        text = f"the header states POINTS {header.count}, but WIDTH {header.width} and HEIGHT {header.height}"
+        content.faults.append(("odd header", f"{text}; POINTS is used"))
     if header.data == "ascii":
         content.count = min(header.count, left // (2 * word) + 1)
         content.blocks = Columns(words, word).text(file, header.count, content)
@@ -72,7 +72,7 @@ def read_pcd(file: BinaryIO, size: int, wanted: Collection[str]) -> Content:
             content.cut_short(content.count, header.count)
     else:
         decoded = _decompressed(file, left, header)
-        content.count = _whole_points(header, len(decoded))
+        content.count = _complete_points(header, len(decoded))
         content.blocks = _by_column(decoded, header, places, content.count)
         if content.count < header.count:
             content.cut_short(content.count, header.count)
@@ -80,7 +80,11 @@ def read_pcd(file: BinaryIO, size: int, wanted: Collection[str]) -> Content:
 
 
 def read_header(file: BinaryIO) -> Header:
-    """The header of a .pcd file, which is left standing at the first point. Raises UnreadableError."""
+    """Read the header of a .pcd file, up to the first point.
+
+    Raises:
+        UnreadableError: The header is damaged, or the file is not a .pcd file.
+    """
     entries: dict[str, list[str]] = {}
     for line in header_lines(file):
         words = line.partition("#")[0].split()
@@ -93,21 +97,21 @@ def read_header(file: BinaryIO) -> Header:
             raise UnreadableError("not a .pcd file")
     names = [name.lower() for name in entries.get("FIELDS", entries.get("COLUMNS", []))]
     if not names:
-        raise UnreadableError("its header names no fields")
+        raise UnreadableError("the header has no FIELDS")
     sizes, counts = (
         [whole_number(word, entry) for word in entries.get(entry, [default] * len(names))]
         for entry, default in (("SIZE", "4"), ("COUNT", "1"))
     )
     letters = [word.upper() for word in entries.get("TYPE", ["F"] * len(names))]
     if not len(names) == len(sizes) == len(letters) == len(counts):
-        raise UnreadableError("its header has not as many SIZE, TYPE and COUNT as FIELDS")
+        raise UnreadableError("the header has different numbers of FIELDS, SIZE, TYPE and COUNT")
     height = _single(entries, "HEIGHT", 1)
     width = _single(entries, "WIDTH", _single(entries, "POINTS", 0) // max(height, 1))
     data = " ".join(entries["DATA"][:1]).lower()
     if data not in ("ascii", "binary", "binary_compressed"):
-        raise UnreadableError(f"its header says DATA {data[:20]}")
+        raise UnreadableError(f"the header states an unknown format, DATA {data[:20]}")
     if "POINTS" not in entries and "WIDTH" not in entries:
-        raise UnreadableError("its header does not say how many points there are")
+        raise UnreadableError("the header has neither POINTS nor WIDTH")
     header = Header(
         tuple(zip(names, letters, sizes, counts, strict=True)),
         _single(entries, "POINTS", width * height),
@@ -116,7 +120,7 @@ def read_header(file: BinaryIO) -> Header:
         data,
     )
     if header.stride == 0:
-        raise UnreadableError("its header names no fields")
+        raise UnreadableError("the fields of the header have no size")
     return header
 
 
@@ -126,18 +130,18 @@ def _single(entries: Mapping[str, list[str]], entry: str, default: int) -> int:
 
 
 def _decompressed(file: BinaryIO, left: int, header: Header) -> bytes:
-    """What the compressed block holds, or the beginning of it where the file is cut short."""
+    """Decompress the block of points; if the file is truncated, the beginning of the block."""
     sizes = file.read(8)
     if len(sizes) < 8:
         return b""
     compressed, uncompressed = struct.unpack("<II", sizes)
     data = file.read(min(compressed, left - 8))
-    if compressed == uncompressed:  # stored: it could not be made smaller
+    if compressed == uncompressed:  # stored uncompressed, since compression did not make the block smaller
         return data
     if uncompressed > LZF_RATIO * (compressed + 1) or uncompressed > header.stride * max(header.count, 1):
-        raise UnreadableError("damaged: its compressed points are not of the size that it says")
+        raise UnreadableError("damaged: the compressed points do not have the stated size")
     if len(data) < compressed:
-        data, uncompressed = _whole_instructions(data)
+        data, uncompressed = _complete_instructions(data)
     if not uncompressed:
         return b""
     try:
@@ -145,17 +149,17 @@ def _decompressed(file: BinaryIO, left: int, header: Header) -> bytes:
     except ValueError:
         decoded = None
     if decoded is None or len(decoded) != uncompressed:
-        raise UnreadableError("damaged: its compressed points cannot be unpacked")
+        raise UnreadableError("damaged: the points cannot be decompressed")
     found: bytes = decoded
     return found
 
 
-def _whole_instructions(data: bytes) -> tuple[bytes, int]:
-    """The part of cut LZF data that can be unpacked, and the size of what comes out."""
+def _complete_instructions(data: bytes) -> tuple[bytes, int]:
+    """The part of truncated LZF data that can be decompressed, and its decompressed size."""
     at, size, end = 0, 0, len(data)
     while at < end:
         control = data[at]
-        if control < 32:  # so many literal bytes, and one
+        if control < 32:  # control + 1 literal bytes follow
             step, made = control + 2, control + 1
         elif control < 224:
             step, made = 2, (control >> 5) + 2
@@ -167,8 +171,8 @@ def _whole_instructions(data: bytes) -> tuple[bytes, int]:
     return data[:at], size
 
 
-def _whole_points(header: Header, size: int) -> int:
-    """How many points have all of their fields in the first `size` bytes, which hold one field after the other."""
+def _complete_points(header: Header, size: int) -> int:
+    """Number of points whose fields all lie in the first `size` bytes, where the fields are stored one by one."""
     whole, start = header.count, 0
     for _, _, bytes_, elements in header.fields:
         if bytes_ * elements:

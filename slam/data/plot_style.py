@@ -1,4 +1,4 @@
-"""How plots look: colours that colour-blind readers tell apart, quiet axes, files that are whole."""
+"""Style of plots: colours that colour-blind readers can distinguish, plain axes; atomic writing of PNG files."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE, BLACK = OKABE_ITO = (
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000",
 )  # fmt: skip
-#: Text; lines of the grid; what lies behind, as ground truth does.
+#: Colours of text, of grid lines and of background curves such as ground truth.
 INK, GRID, GREY = "#222222", "#E8E8E8", "#B8B8B8"
 
 
 def tidy(axes: Axes) -> None:
-    """A light grid behind what is drawn, no frame and no ticks."""
+    """Draw a light grid behind the curves, without frame and ticks."""
     axes.grid(color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     axes.tick_params(colors=INK, length=0)
@@ -28,6 +28,6 @@ def tidy(axes: Axes) -> None:
 
 
 def save_png(figure: Figure, path: Path, dpi: int = 150) -> None:
-    """Write a figure, whole or not at all; one made without pyplot needs no display and has no global state."""
+    """Write a figure atomically; a figure made without pyplot needs no display and has no global state."""
     with written_beside(path) as temporary:
         figure.savefig(temporary, format="png", dpi=dpi, facecolor="white")

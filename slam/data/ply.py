@@ -1,4 +1,4 @@
-"""Stanford's .ply files: a header of text that describes any elements, then these as text or binary."""
+"""Stanford's .ply files: a text header that describes elements, then the elements as text or binary."""
 
 from __future__ import annotations
 
@@ -32,7 +32,13 @@ TYPES = {
 
 @dataclass(frozen=True)
 class Property:
-    """A property's name in lower case and type; a list's has the type of the number that says how long it is."""
+    """A property of an element.
+
+    Attributes:
+        name: In lower case.
+        kind: Type of the value, or of the values of a list.
+        length: Type of the length of a list; None for a scalar.
+    """
 
     name: str
     kind: np.dtype
@@ -41,7 +47,7 @@ class Property:
 
 @dataclass
 class Element:
-    """One kind of thing in a file, and how many there are to be."""
+    """A kind of elements in the file, such as 'vertex', with their stated number and their properties."""
 
     name: str
     count: int
@@ -49,22 +55,22 @@ class Element:
 
     @property
     def stride(self) -> int | None:
-        """Bytes of one where all are the same, else None."""
+        """Bytes of an element if all have the same size, else None."""
         if any(each.length is not None for each in self.properties):
             return None
         return sum(each.kind.itemsize for each in self.properties)
 
 
 def read_ply(file: BinaryIO, size: int, wanted: Collection[str]) -> Content:
-    """The `wanted` columns of the vertices of a .ply file of `size` bytes.
+    """Read the `wanted` columns of the vertices of a .ply file of `size` bytes.
 
     Raises:
-        UnreadableError: It is no .ply file, or has no vertices.
+        UnreadableError: The file is damaged, not a .ply file, or has no vertices.
     """
     order, elements = read_header(file)
     names = [element.name for element in elements]
     if "vertex" not in names or not elements[names.index("vertex")].properties:
-        raise UnreadableError("its header names no vertices")
+        raise UnreadableError("the header has no vertices")
     before, vertex = elements[: names.index("vertex")], elements[names.index("vertex")]
     for element in before:
         _skip(file, element, order, size)
@@ -87,7 +93,11 @@ def read_ply(file: BinaryIO, size: int, wanted: Collection[str]) -> Content:
 
 
 def read_header(file: BinaryIO) -> tuple[str, list[Element]]:
-    """The order of bytes ('' for text) and the elements; the file is left standing behind the header."""
+    """Read the header: the byte order ('' for text) and the elements; the file is left at the end of the header.
+
+    Raises:
+        UnreadableError: The header is damaged, or the file is not a .ply file.
+    """
     lines = header_lines(file)
     if file.read(3) != b"ply" or next(lines):
         raise UnreadableError("not a .ply file")
@@ -109,9 +119,9 @@ def read_header(file: BinaryIO) -> tuple[str, list[Element]]:
             case ["property", kind, name] if elements and kind in TYPES:
                 elements[-1].properties.append(Property(name.lower(), _type(order, kind)))
             case _:
-                raise UnreadableError(f"its header has a line '{line[:60]}'")
+                raise UnreadableError(f"the header has an unknown line '{line[:60]}'")
     if order is None:
-        raise UnreadableError("its header names no format")
+        raise UnreadableError("the header has no format")
     return order, elements
 
 
@@ -120,7 +130,7 @@ def _type(order: str | None, kind: str) -> np.dtype:
 
 
 def _least(element: Element) -> int:
-    """Bytes of one with empty lists."""
+    """Minimum bytes of an element, with empty lists."""
     return sum((each.length or each.kind).itemsize for each in element.properties)
 
 
@@ -134,7 +144,7 @@ def _offsets(element: Element, wanted: Collection[str]) -> dict[str, tuple[int, 
 
 
 def _skip(file: BinaryIO, element: Element, order: str, size: int) -> None:
-    """Go past an element before the vertices, as far as the file goes."""
+    """Skip the elements of one kind before the vertices, at most to the end of the file."""
     if not element.properties:
         return
     if not order:
@@ -152,7 +162,7 @@ Row = list[float]
 
 
 def _with_lists(rows: Iterator[Row], vertex: Element, wanted: Collection[str], content: Content) -> Iterator[Block]:
-    """Vertices of any length, one by one."""
+    """Read vertices of variable length."""
     scalars = [each for each in vertex.properties if each.length is None]
     read = 0
     while read < vertex.count:
@@ -167,7 +177,7 @@ def _with_lists(rows: Iterator[Row], vertex: Element, wanted: Collection[str], c
 
 
 def _rows(data: bytes, element: Element, order: str) -> Iterator[tuple[Row, int]]:
-    """The scalars of each, to the end of the data, and where the next begins."""
+    """Yield the scalars of each element, to the end of the data, and the place where the next one begins."""
     parts, scalars = [], ""
     for each in element.properties:
         if each.length is None:
@@ -184,7 +194,7 @@ def _rows(data: bytes, element: Element, order: str) -> Iterator[tuple[Row, int]
                 *values, count = length.unpack_from(data, at)
                 row += values
                 if not 0 <= count < 1 << 62 or count != int(count):
-                    raise UnreadableError(f"damaged: a list of {count} numbers")
+                    raise UnreadableError(f"damaged: a list has {count} numbers")
                 at += length.size + int(count) * size
             row += rest.unpack_from(data, at)
             at += rest.size
@@ -194,7 +204,7 @@ def _rows(data: bytes, element: Element, order: str) -> Iterator[tuple[Row, int]
 
 
 def _rows_of_text(file: BinaryIO, element: Element) -> Iterator[Row]:
-    """The scalars of each, to the end of the file."""
+    """Yield the scalars of each element, to the end of the file."""
     for line in lines_of(file):
         words, at, row = line.split(), 0, list[float]()
         try:
@@ -205,7 +215,7 @@ def _rows_of_text(file: BinaryIO, element: Element) -> Iterator[Row]:
                 else:
                     at += 1 + int(words[at])
         except (ValueError, IndexError):
-            raise UnreadableError("damaged: a line has not the numbers that its header says") from None
+            raise UnreadableError("damaged: a line does not match the properties in the header") from None
         if at > len(words):
             return
         yield row

@@ -1,4 +1,4 @@
-"""What the readers of point files share: columns in blocks, so that no file takes much more memory than its points."""
+"""Common parts of the point file readers: columns in blocks, so that reading takes little memory beyond the points."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ import numpy as np
 
 from slam.data.cloud import Array
 
-#: Some points: the columns (n,) that were asked for, by their names in lower case.
+#: A block of n points: the wanted columns (n,) by their names in lower case.
 Block = Mapping[str, Array]
-#: Bytes of a file that are looked at at once, and lines of text.
+#: Bytes of a file, and lines of text, per block.
 BLOCK, LINES = 1 << 18, 1 << 11
-#: Points of what is in memory as a whole that are looked at at once.
+#: Points per block of a table that is in memory as a whole.
 AT_ONCE = 1 << 14
-#: A header of more bytes is none, nor is a longer line of text.
+#: Maximum bytes of a header, and of a line of text.
 LONGEST = 1 << 18
-#: Lines of text that may be damaged before a file is given up.
+#: Maximum number of damaged lines of text; with more, the file is unreadable.
 DAMAGED_LINES = 1000
 
 
 class UnreadableError(Exception):
-    """A file is not what its name says. Holds the reason, to be read after the file's name."""
+    """A file is damaged or not of the format of its suffix; the message is the fault, without the file's name."""
 
 
 @dataclass
 class Content:
-    """A file with points whose header has been read.
+    """A point file whose header has been read.
 
     Attributes:
-        names: The names of all columns, in lower case.
-        count: The points that there are at most: never more than the file has room for.
-        blocks: The points, read while one goes through them.
-        organised: True for an image of points, in which those without return have a place too.
-        faults: Kind and message of what is wrong; complete when all blocks have been read.
+        names: Names of all columns, in lower case.
+        count: Upper bound of the number of points: never more than the size of the file allows.
+        blocks: The points, read while iterating.
+        organised: True for an image of points, which has an entry for pixels without a return, too.
+        faults: Kind and message of each fault; complete after the last block.
     """
 
     names: Sequence[str]
@@ -47,34 +47,38 @@ class Content:
     faults: list[tuple[str, str]] = field(default_factory=list)
 
     def cut_short(self, whole: int, promised: int) -> None:
-        """Note that the file ends early, after `whole` of its points."""
-        text = f"cut short; its first {whole} points of {promised} are used"
+        """Note that the file is truncated after `whole` of the `promised` points."""
+        text = f"truncated; the first {whole} of {promised} points are used"
         self.faults.append(("truncated scan", text))
 
     def left_out(self, names: Sequence[str]) -> None:
-        """Note the columns that were asked for and are not one number a point."""
+        """Note wanted columns that do not have one number per point."""
         if names:
-            self.faults.append(("unusable field", f"{', '.join(names)}: not one number a point; left out"))
+            self.faults.append(("unusable field", f"{', '.join(names)}: not one number per point; left out"))
 
 
 @dataclass(frozen=True)
 class Columns:
-    """A point as it lies in a file: bytes, or words in a line.
+    """Layout of a point in a file, in bytes or in words of a line.
 
     Attributes:
-        places: Where each column that was asked for begins, and its type: by bytes, or by words in a line of text.
-        stride: The length of a point, in the same unit.
+        places: Offset, in bytes or words, and type of each wanted column.
+        stride: Length of a point, in the same unit.
     """
 
     places: Mapping[str, tuple[int, np.dtype]]
     stride: int
 
     def binary(self, file: BinaryIO, count: int) -> Iterator[Block]:
-        """`count` points that lie in `file` one after another, from where it stands."""
+        """Read `count` consecutive binary points from the current position of `file`.
+
+        Raises:
+            UnreadableError: A point is larger than 2 GiB.
+        """
         if not count:
             return
         if self.stride > np.iinfo(np.int32).max:
-            raise UnreadableError(f"its points have {self.stride} bytes each")
+            raise UnreadableError(f"the header states {self.stride} bytes per point")
         names = list(self.places)
         point = np.dtype(
             {
@@ -94,14 +98,18 @@ class Columns:
             count = count - got if got == wanted else 0
 
     def text(self, file: BinaryIO, count: int, content: Content) -> Iterator[Block]:
-        """`count` points from as many lines; lines that hold something else are left out, and noted."""
+        """Read `count` points from as many lines; damaged lines are left out and noted in `content`.
+
+        Raises:
+            UnreadableError: More than `DAMAGED_LINES` lines are damaged, or a line is too long.
+        """
         read, damaged = 0, 0
         while read < count:
             lines = list(islice(lines_of(file), min(LINES, count - read)))
             if not lines:
                 break
             if not lines[-1].endswith(b"\n") and (read + len(lines) < count or not self._whole(lines[-1])):
-                lines.pop()  # cut short, maybe in the middle of a number
+                lines.pop()  # truncated, perhaps within a number
             parts, bad = self._parsed(lines, DAMAGED_LINES - damaged)
             if parts:
                 yield {name: np.concatenate([part[name] for part in parts]) for name in self.places}
@@ -119,8 +127,11 @@ class Columns:
         return True
 
     def _parsed(self, lines: list[bytes], bearable: int) -> tuple[list[Block], int]:
-        """The lines that are numbers, found by halving what has others among them; and how many of these there are, at
-        most as many as are `bearable`."""
+        """Parse lines, bisecting those with damaged lines among them: the blocks, and the number of damaged lines.
+
+        Raises:
+            UnreadableError: More than `bearable` lines are damaged.
+        """
         waiting, parts, bad = [lines] if lines else [], list[Block](), 0
         while waiting:
             some = waiting.pop()
@@ -132,13 +143,13 @@ class Columns:
                     continue
                 bad += 1
                 if bad > bearable:
-                    raise UnreadableError("its lines are not numbers") from None
+                    raise UnreadableError("the lines are not numbers") from None
         return parts, bad
 
     def _table(self, lines: list[bytes]) -> Block:
-        """Raises ValueError where a line does not have the numbers of a point."""
-        # Whole numbers of 8 bytes are read as they are, since float64 holds 53 bits of them; all others as float64, for
-        # they may be written as 3.0 or nan.
+        """Parse lines; raises ValueError if a line does not have the numbers of a point."""
+        # Integers of 8 bytes are read in their type, since float64 keeps only 53 bits; all others are read as float64,
+        # since they may be written as 3.0 or nan.
         kinds = [kind if kind.kind in "iu" and kind.itemsize == 8 else _F8 for _, kind in self.places.values()]
         try:
             columns = _words(lines, [*self._words, self.stride - 1], [*kinds, _F8])
@@ -155,7 +166,7 @@ class Columns:
 
 
 def _words(lines: list[bytes], words: list[int], kinds: list[np.dtype]) -> list[Array]:
-    """Some words of every line as numbers. Raises ValueError where a line is too short, or has something else there."""
+    """Some words of every line as numbers; raises ValueError if a line is too short or a word is not a number."""
     kind = np.dtype([(f"{at}", each) for at, each in enumerate(kinds)])
     table = np.loadtxt(lines, kind, comments=None, usecols=words, ndmin=1, encoding=None)
     return [table[name] for name in table.dtype.names or ()]
@@ -165,7 +176,7 @@ _F8 = np.dtype(np.float64)
 
 
 def _as_promised(values: Array, kind: np.dtype) -> Array:
-    """Numbers in the type that the header names, where that holds them."""
+    """Numbers in the type that the header states, if the type can represent them."""
     with np.errstate(over="ignore", invalid="ignore"):
         if kind.kind != "f" and values.dtype.kind == "f":
             limits = np.iinfo(kind)
@@ -175,7 +186,11 @@ def _as_promised(values: Array, kind: np.dtype) -> Array:
 
 
 def lines_of(file: BinaryIO) -> Iterator[bytes]:
-    """The lines that are not blank."""
+    """Yield the lines that are not blank.
+
+    Raises:
+        UnreadableError: A line is longer than `LONGEST`.
+    """
     while line := file.readline(LONGEST):
         if len(line) == LONGEST:
             raise UnreadableError(f"a line of more than {LONGEST} characters")
@@ -184,18 +199,26 @@ def lines_of(file: BinaryIO) -> Iterator[bytes]:
 
 
 def header_lines(file: BinaryIO) -> Iterator[str]:
-    """The lines of a text header, stripped; UnreadableError where there is no end to them."""
+    """Yield the lines of a text header, stripped.
+
+    Raises:
+        UnreadableError: The header is longer than `LONGEST` or does not end.
+    """
     read = 0
     while line := file.readline(LONGEST - read):
         read += len(line)
         if read >= LONGEST or b"\0" in line:
             break
         yield line.removeprefix(codecs.BOM_UTF8).decode("latin-1").strip()
-    raise UnreadableError("its header has no end")
+    raise UnreadableError("the header has no end")
 
 
 def whole_number(word: str, what: str) -> int:
-    """A count in a header, 0 or more."""
+    """Parse a count in a header, 0 or more.
+
+    Raises:
+        UnreadableError: The word is not a count.
+    """
     if not (word.isascii() and word.isdigit() and len(word) < 19):
-        raise UnreadableError(f"its header says {what} {word[:20]}")
+        raise UnreadableError(f"the header has an invalid count, {what} {word[:20]}")
     return int(word)

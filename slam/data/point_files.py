@@ -1,5 +1,4 @@
-"""Scans of a user's own: .bin, .npy, .pcd, .ply, .las and .laz files as columns of numbers, in whatever units they
-have."""
+"""Point files (.bin, .npy, .pcd, .ply, .las, .laz) as columns of numbers, in the units of the file."""
 
 from __future__ import annotations
 
@@ -21,11 +20,11 @@ from slam.data.problem import Problem
 from slam.data.sound_points import Offset, gathered, map_frame
 
 SUFFIXES = (".bin", ".pcd", ".ply", ".npy", ".las", ".laz")
-#: What drivers call the same thing (Velodyne, Ouster, Hesai, Livox, RoboSense, CloudCompare), in lower case.
+#: Names of fields as drivers write them (Velodyne, Ouster, Hesai, Livox, RoboSense, CloudCompare), in lower case.
 NAMES = {
     "intensity": ("intensity", "i", "reflectivity", "reflectance", "remission", "scalar_intensity"),
     "ring": ("ring", "laser_id", "laser", "channel", "line", "scalar_ring"),
-    # The first that tells anything of a scan is used: relative times before those of a clock.
+    # The first field with usable times is taken: relative times before absolute ones.
     "time": (
         *("time", "t", "timestamp", "time_offset", "offset_time", "time_stamp", "scalar_time"),
         *("times", "timestamps", "stamp", "stamps", "offset_times", "time_offsets", "offsettime", "timeoffset"),
@@ -33,24 +32,24 @@ NAMES = {
         *("gps_time", "gpstime", "scalar_t", "scalar_timestamp", "scalar_gpstime", "scalar_gps_time"),
     ),
 }
-#: Colour in one number, as PCL packs it, or in three.
+#: Fields of colour: packed into one number as PCL does, or three numbers.
 PACKED, CHANNELS = ("rgb", "rgba"), (("red", "green", "blue"), ("r", "g", "b"))
 WANTED = frozenset(name for names in ("xyz", *NAMES.values(), PACKED, *CHANNELS) for name in names)
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """N points as a file has them.
+    """N points as recorded in a file.
 
     Attributes:
-        xyz: (N, 3) float32, metres.
+        xyz: (N, 3) float32 [m].
         intensity: (N,) in the file's unit and type, or None.
         ring: (N,) in the file's order and type, or None.
-        times: Every field that may be the points' time, (N,) in the file's unit and type (uint32 ns, float64 s, ...),
+        times: Every field that may hold the point times, (N,) in the file's unit and type (uint32 ns, float64 s, ...),
             by its name in lower case, in the order of `NAMES["time"]`.
         colour: (N, 3) uint8 RGB, or None.
-        offset: What was subtracted from the file's coordinates [m], which are those of a map's frame if it is not 0.
-        problems: What is wrong with the file, and was gone around.
+        offset: Offset that was subtracted from the file's coordinates [m]; not 0 for coordinates in a map frame.
+        problems: Faults of the file, and how they were handled.
     """
 
     xyz: Array
@@ -64,11 +63,11 @@ class Points:
 
 @dataclass(frozen=True)
 class Reading:
-    """How the scans of a drive are to be read, where the files do not say it.
+    """Properties of a sequence's files that the files do not state.
 
     Attributes:
-        layout: The columns of tables without names: .bin, and .npy of other than 3 or 4 columns.
-        offset: What to subtract from coordinates in a map's frame [m], the same for all scans.
+        layout: Columns of tables without names: .bin, and .npy of other than 3 or 4 columns.
+        offset: Offset to subtract from coordinates in a map frame [m], the same for all scans.
     """
 
     layout: Layout | None = None
@@ -76,36 +75,36 @@ class Reading:
 
 
 def read_points(path: Path, reading: Reading = Reading()) -> Points:  # immutable
-    """The sound points of a scan; what is damaged is left out and reported. Nothing in a file raises.
+    """Read the valid points of a scan; damaged points are left out and reported. No content of a file raises.
 
-    Points at the origin, and NaN where a laser got no answer, are left out silently. What cannot be read at all gives
-    no points and the problem 'missing scan'.
+    Points at the origin and points of NaN, which stand for missing returns, are left out without a report. A file that
+    cannot be read gives no points and the problem 'missing scan'.
 
     Args:
         path: A file with one of `SUFFIXES`.
-        reading: What the file does not say; where nobody does, the file's own points have to tell.
+        reading: Properties that the file does not state; those that are None are estimated from the file's points.
 
     Raises:
-        InputError: The file is LAS, and laspy is not installed.
+        InputError: The file is LAS or LAZ, and laspy is not installed.
     """
     return _read(path, reading, everything=False)
 
 
 def read_cloud(path: Path) -> Points:
-    """All finite points of a map, however far they are from its origin. See `read_points`."""
+    """Read all finite points of a map, at any distance from the origin; see `read_points`."""
     return _read(path, Reading(), everything=True)
 
 
 def points_of(table: Array, name: Path) -> Points:
-    """The sound points of an array in memory, as `read_points` has them of a file.
+    """Return the valid points of an array in memory, as `read_points` does for a file.
 
     Args:
-        table: (N, 3) x y z or (N, 4) x y z intensity; or a structured array with fields x, y, z and, by any of the
-            names that drivers use (`NAMES`), intensity, ring and time.
-        name: What to call it in messages.
+        table: (N, 3) x y z or (N, 4) x y z intensity; or a structured array with fields x, y, z and, under any of the
+            names in `NAMES`, intensity, ring and time.
+        name: Name of the array in messages.
 
     Raises:
-        InputError: The array is of another shape or has other fields.
+        InputError: The array has another shape or lacks a field.
     """
     try:
         return _points(columns_of(table, WANTED), name, None, everything=False)
@@ -123,17 +122,17 @@ def _read(path: Path, reading: Reading, everything: bool) -> Points:
 
 
 def points_in(file: BinaryIO, path: Path, reading: Reading = Reading(), everything: bool = False) -> Points:
-    """The points of an open file: see `read_points`. `path` is for messages, and its suffix says what the file is."""
+    """Read the points of an open file, see `read_points`; `path` gives the format by its suffix, and the messages."""
     try:
         size = file.seek(0, 2)
         file.seek(0)
         if size == 0 and path.suffix.lower() != ".bin":
-            raise UnreadableError("nothing in it")
+            raise UnreadableError("the file is empty")
         return _points(_content(file, size, path, reading), path, reading.offset, everything)
     except UnreadableError as error:
         return _unreadable(path, str(error))
     except MemoryError:
-        return _unreadable(path, "too large for the memory of this machine")
+        return _unreadable(path, "too large for this machine's memory")
 
 
 def _unreadable(path: Path, reason: str) -> Points:
@@ -163,7 +162,7 @@ def _points(content: Content, path: Path, offset: Offset | None, everything: boo
     found, subtracted = gathered(content, everything, offset)
     problems = [Problem(kind, f"{path}: {text}") for kind, text in content.faults]
     if len(found["xyz"]) == 0:
-        problems.append(Problem("empty scan", f"{path}: no points in it"))
+        problems.append(Problem("empty scan", f"{path}: contains no points"))
     elif offset is None and any(subtracted):
         problems.append(Problem("map coordinates", f"{path}: {map_frame(subtracted)}"))
     intensity, ring = (_first(found, NAMES[kind]) for kind in ("intensity", "ring"))
@@ -176,10 +175,10 @@ def _first(columns: Mapping[str, Array], names: Sequence[str]) -> Array | None:
 
 
 def _colour(columns: Mapping[str, Array]) -> Array | None:
-    """(N, 3) uint8 of three columns, or of one in which red is the third byte from the right."""
+    """Colour (N, 3) uint8 from three columns, or from one packed as 0xRRGGBB."""
     packed = _first(columns, PACKED)
     names = next((names for names in CHANNELS if columns.keys() >= set(names)), None)
-    with np.errstate(over="ignore", invalid="ignore"):  # of damaged files
+    with np.errstate(over="ignore", invalid="ignore"):  # damaged files may have any value
         if packed is not None:
             bits = packed.astype(np.float32).view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
             return np.column_stack([bits >> 16, bits >> 8, bits]).astype(np.uint8)

@@ -1,6 +1,6 @@
-"""When in its sweep each point was seen: which field of a drive's scans says so, in which unit, from which instant on.
+"""Point times of a sequence: the field that holds them, its unit, and the instant from which it counts.
 
-Found once a drive, from its first scans, so that one odd scan changes nothing for the others.
+They are estimated once per sequence, from its first scans, so that one damaged scan does not affect the others.
 """
 
 from __future__ import annotations
@@ -15,27 +15,32 @@ from slam.data.conventions import INSTANTS, UNITS, Conventions
 from slam.data.errors import InputError
 from slam.data.stamp_digits import epoch_unit
 
-PERIOD = 0.1  # s from scan to scan, where no stamp tells
-LONGEST = 3.0  # periods that a sweep takes at most; without stamps
-LONGEST_UNSTAMPED = 10.0  # of PERIOD
-SHORTEST = 0.01  # periods that points span at least: 4 degrees of a turn
-SPREAD = 6.0  # interquartile ranges from the median: farther away are stray values
-COARSE = 0.05  # of the points' span: a field whose numbers lie farther apart says too little
-BLOCK = 0.05  # of a sweep, from the stamp: times of 0 among later ones are of lost packets,
-LOST_AT_ONCE = 8  # where so many follow each other
-MOST_STRAY = 0.5  # of a scan's times; where more are unusable, it has none
-NEAR = 0.1  # of the span, on either side of 0
-BINS = 24  # parts of a sweep in which the turning is measured,
-NARROW = 0.7  # mean of the unit vectors to the points of a part: there the sensor looks into one direction
-EVEN, ALIKE = 0.3, 0.6  # within so much of the usual step in so large a share of them, or it does not turn
+PERIOD = 0.1  # scan period [s] without stamps
+LONGEST = 3.0  # maximum duration of a sweep, in scan periods
+LONGEST_UNSTAMPED = 10.0  # the same without stamps, in PERIODs
+SHORTEST = 0.01  # minimum span of the point times, in scan periods: 4 degrees of a turn
+SPREAD = 6.0  # interquartile ranges from the median, beyond which a value is an outlier
+COARSE = 0.05  # maximum resolution of a float32 field, as a share of the span of the point times
+BLOCK = 0.05  # of a sweep: times of 0 between times farther than this from the stamp are of lost packets,
+LOST_AT_ONCE = 8  # if at least this many are consecutive
+MOST_STRAY = 0.5  # maximum share of unusable times of a scan; above, the scan has no times
+NEAR = 0.1  # tolerance on either side of 0, as a share of the span
+BINS = 24  # parts of a sweep in which the rotation is measured
+NARROW = 0.7  # minimum length of a part's mean unit vector, for which the sensor points in one direction
+EVEN, ALIKE = 0.3, 0.6  # the sensor rotates if this share (ALIKE) of the steps is within EVEN of the median step
 AZIMUTH = "azimuth"  # in place of a field
-SWEEP_UNIT = "sweep"  # of fields that say which share of the sweep had gone by
+SWEEP_UNIT = "sweep"  # unit of fields that hold the elapsed share of the sweep
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One of a drive's first scans: its fields that may be times (M,) by their names, its points (M, 3), and its stamp
-    [s] where that was recorded."""
+    """One of the first scans of a sequence.
+
+    Attributes:
+        times: Fields that may hold the point times, (M,) each, by their names.
+        xyz: Points (M, 3) [m].
+        stamp: Recorded stamp of the scan [s], or None.
+    """
 
     times: Mapping[str, Array]
     xyz: Array
@@ -44,20 +49,20 @@ class Sample:
 
 @dataclass(frozen=True)
 class PointTimes:
-    """The verdict on a drive: how seconds from a scan's stamp are made of its points' times.
+    """Interpretation of a sequence's point times: their conversion to seconds from the scan's stamp.
 
     Attributes:
-        field: The field's name; 'azimuth' where the points' directions tell; '' where there are no times, and
-        why: the reason for that.
-        unit: Of the field: 's', 'ms', 'us', 'ns' or 'sweep'.
-        absolute: Whether it counts on from scan to scan, as a clock does.
-        clock: Whether that clock is the one of the stamps.
-        first: When the first points are usually seen [s] from the stamp, and
-        last: the last ones.
-        sweep: Seconds that a whole sweep takes; a scan may have a part of it.
-        stamp: The instant of the sweep that stamp and pose belong to: 'start', 'middle' or 'end'.
-        shift: Seconds that are added to what the field says, for the stamp to be at 0.
-        period: Seconds from scan to scan by an absolute field, None where there is no such.
+        field: Name of the field; 'azimuth' if the times follow from the azimuths; '' if there are no times.
+        why: Reason if there are no times.
+        unit: Unit of the field: 's', 'ms', 'us', 'ns' or 'sweep'.
+        absolute: True if the field continues from scan to scan, as a clock does.
+        clock: True if this clock is that of the stamps.
+        first: Median time of a scan's first points, from the stamp [s].
+        last: Median time of a scan's last points, from the stamp [s].
+        sweep: Duration of a whole sweep [s]; a scan may cover a part of it.
+        stamp: Instant of the sweep that stamp and pose refer to: 'start', 'middle' or 'end'.
+        shift: Seconds added to the field's values, so that the stamp is at 0.
+        period: Scan period [s] by an absolute field, else None.
     """
 
     field: str = ""
@@ -73,8 +78,18 @@ class PointTimes:
     period: float | None = None
 
     def seconds(self, values: Array, stamp: float) -> tuple[Array | None, int]:
-        """Times (M,) float32 [s] from the `stamp` [s] of a scan, of its field's values (M,), and how many had to be put
-        between those beside them in the file: not finite, or outside of any sweep. None where most are so."""
+        """Convert the values of the field in a scan to point times.
+
+        Values that are not finite or lie outside of any sweep are interpolated between those next to them in the file.
+
+        Args:
+            values: (M,) of the field.
+            stamp: Stamp of the scan [s].
+
+        Returns:
+            Times (M,) float32 [s] from the stamp, None if most of the values are unusable; and the number of unusable
+            values.
+        """
         time, origin = _from_origin(values, self._factor)
         sound = np.isfinite(time)
         if not sound.any():
@@ -84,7 +99,7 @@ class PointTimes:
             sound &= np.abs(time - np.median(time[sound])) <= reach
         if not self.absolute:
             time = time + origin
-            sound &= ~_lost(time, BLOCK * self.sweep)
+            sound &= ~_lost_packets(time, BLOCK * self.sweep)
         elif self.clock:
             time = time + (origin - stamp)
         else:
@@ -102,9 +117,9 @@ class PointTimes:
         return self.sweep if self.unit == SWEEP_UNIT else UNITS[self.unit]
 
     def verdict(self, timed: int, scans: int) -> str:
-        """In one line for people, with how many of a run's `scans` had times."""
+        """Describe the point times in one line, for a run in which `timed` of `scans` scans had times."""
         if not self.field:
-            return f"point times: none ({self.why}), no scan is deskewed"
+            return f"point times: none ({self.why}); no scan is deskewed"
         how = f"field {self.field}, {self.unit}, {'absolute' if self.absolute else 'relative'}"
         how = "from the azimuth" if self.field == AZIMUTH else how
         span = f"{_milliseconds(self.first)} to {_milliseconds(self.last)} ms of a {_milliseconds(self.sweep)} ms sweep"
@@ -116,42 +131,50 @@ def _milliseconds(seconds: float) -> str:
 
 
 def azimuth_times(sweep: float, stamp: str) -> PointTimes:
-    """Of scans that turn once in `sweep` [s], from the rear: see `turn_times`."""
+    """Return the point times of a sensor that rotates once per `sweep` [s], from the rear: see `turn_times`."""
     first = -INSTANTS[stamp] * sweep
     return PointTimes(AZIMUTH, first=first, last=first + sweep, sweep=sweep, stamp=stamp)
 
 
 def find_point_times(samples: Sequence[Sample], period: float | None, said: Conventions) -> PointTimes:
-    """The verdict on a drive.
+    """Estimate the interpretation of a sequence's point times.
 
     Args:
-        samples: Its first scans, those without points left out.
-        period: Seconds from scan to scan by the stamps, None where there are none.
-        said: What the user says of field, unit and stamp.
+        samples: The first scans, without empty ones.
+        period: Scan period by the stamps [s], None without stamps.
+        said: Field, unit and instant as the user states them.
 
     Raises:
-        InputError: The field that the user names is not there.
+        InputError: The stated field does not exist.
     """
     names = dict.fromkeys(name for sample in samples for name in sample.times)
     if said.time_field is not None:
         if samples and said.time_field not in names:
             known = f"there are {', '.join(names)}" if names else "there are none"
-            raise InputError(f"no field '{said.time_field}' with the points' times in the first scans; {known}")
+            raise InputError(f"no field '{said.time_field}' with point times in the first scans; {known}")
         names = {name: None for name in names if name == said.time_field}
     faults = []
     for name in names:
-        found = _of_field(name, [sample for sample in samples if name in sample.times], period, said)
+        found = _interpretation(name, [sample for sample in samples if name in sample.times], period, said)
         if found.field:
             return found
         faults.append(found.why)
     sweep = period or PERIOD
-    return PointTimes(why="; ".join(faults) or "no field for them", sweep=sweep, stamp=said.stamp or "middle")
+    return PointTimes(why="; ".join(faults) or "no time field", sweep=sweep, stamp=said.stamp or "middle")
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
-    """A field in one scan: its values (M,), the first and the last, stray ones left out, in the field's unit, how far
-    apart its type keeps them, and the points and stamp of the scan."""
+class _FieldRange:
+    """A field in one scan, in the field's unit.
+
+    Attributes:
+        values: (M,).
+        first: Smallest value that is not an outlier.
+        last: Largest value that is not an outlier.
+        apart: Resolution of the values by their type; 0 if it is sufficient.
+        xyz: Points of the scan (M, 3) [m].
+        stamp: Stamp of the scan [s], or None.
+    """
 
     values: Array
     first: float
@@ -161,8 +184,8 @@ class _Seen:
     stamp: float | None
 
 
-def _seen(sample: Sample, name: str) -> _Seen | None:
-    """None where the values are all the same, or mostly not finite."""
+def _field_range(sample: Sample, name: str) -> _FieldRange | None:
+    """The field in a scan; None if all its values are equal, or most are not finite."""
     values = sample.times[name]
     if values.dtype.kind not in "fiu" or len(values) == 0:
         return None
@@ -175,25 +198,25 @@ def _seen(sample: Sample, name: str) -> _Seen | None:
     if near.min() == near.max():
         return None
     apart = float(np.spacing(np.abs(known).max())) if values.dtype == np.float32 else 0.0
-    return _Seen(values, origin + near.min(), origin + near.max(), apart, sample.xyz, sample.stamp)
+    return _FieldRange(values, origin + near.min(), origin + near.max(), apart, sample.xyz, sample.stamp)
 
 
-def _of_field(name: str, samples: Sequence[Sample], period: float | None, said: Conventions) -> PointTimes:
-    """The verdict if this field has the times; without `field`, but with the reason, where it has none."""
-    scans = [found for sample in samples if (found := _seen(sample, name)) is not None]
+def _interpretation(name: str, samples: Sequence[Sample], period: float | None, said: Conventions) -> PointTimes:
+    """Interpretation of this field; without `field`, but with the reason, if it does not hold point times."""
+    scans = [found for sample in samples if (found := _field_range(sample, name)) is not None]
     if len(scans) * 2 <= len(samples):
         return PointTimes(why=f"{name} is the same for all points, or not finite")
     span = _median(scan.last - scan.first for scan in scans)
     apart = max(scan.apart for scan in scans)
     if apart > COARSE * span:
-        return PointTimes(why=f"{name} is float32 and too large for it, its numbers are {apart:.3g} apart")
+        return PointTimes(why=f"{name} is too coarse: its float32 values have a resolution of {apart:.3g}")
     usual = min(max(period or PERIOD, 0.05), 0.5)
     longest = LONGEST * usual if period else LONGEST_UNSTAMPED * PERIOD
     unit = said.time_unit or _unit(scans, span, longest)
     factor = usual if unit == SWEEP_UNIT else UNITS[unit]
     if not SHORTEST * usual <= span * factor <= longest:
-        return PointTimes(why=f"{name} spans {span:.4g}, which is no sweep in any unit of time")
-    absolute = _counts_on(scans, factor, span, usual)
+        return PointTimes(why=f"{name} spans {span:.4g}, which is not a sweep in any unit of time")
+    absolute = _is_absolute(scans, factor, span, usual)
     clock = absolute and _same_clock(scans, factor, usual)
     first, last = 0.0, span * factor
     if clock or not absolute:
@@ -201,7 +224,7 @@ def _of_field(name: str, samples: Sequence[Sample], period: float | None, said: 
         last = _median(scan.last * factor - (scan.stamp or 0.0) * clock for scan in scans)
     steps = np.diff([scan.first for scan in scans])
     own_period = float(np.median(steps)) * factor if absolute and len(steps) and np.median(steps) > 0 else None
-    sweep = _sweep(scans, factor, period or own_period, last - first)
+    sweep = _sweep_duration(scans, factor, period or own_period, last - first)
     own = _instant(first, last)
     stamp = said.stamp or own
     shift = (INSTANTS[own] - INSTANTS[stamp]) * sweep
@@ -213,8 +236,10 @@ def _median(values: Iterable[float]) -> float:
 
 
 def _from_origin(values: Array, factor: float) -> tuple[Array, float]:
-    """Values (M,) from the first finite one on, (M,) float64, and this one, both times `factor`: large whole numbers
-    of ns keep all of their digits."""
+    """Values (M,) minus the first finite one, (M,) float64, and the first finite one, both times `factor`.
+
+    Subtracting first keeps all digits of large integers in ns.
+    """
     finite = np.flatnonzero(np.isfinite(values))
     if len(finite) == 0:
         return np.full(len(values), np.nan), 0.0
@@ -226,8 +251,8 @@ def _from_origin(values: Array, factor: float) -> tuple[Array, float]:
     return (values.astype(np.float64) - origin_value) * factor, origin_value * factor
 
 
-def _unit(scans: Sequence[_Seen], span: float, longest: float) -> str:
-    """That of times since 1970; shares of the sweep, 0 to 1; or the largest in which no sweep takes too long."""
+def _unit(scans: Sequence[_FieldRange], span: float, longest: float) -> str:
+    """The unit in which the values are times since 1970; else 'sweep' for 0 to 1; else the largest plausible unit."""
     epoch = epoch_unit(np.array([scan.first for scan in scans]))
     if epoch and span * UNITS[epoch] <= longest:
         return epoch
@@ -238,38 +263,38 @@ def _unit(scans: Sequence[_Seen], span: float, longest: float) -> str:
     return next((unit for unit, factor in UNITS.items() if span * factor <= longest), "ns")
 
 
-def _counts_on(scans: Sequence[_Seen], factor: float, span: float, usual: float) -> bool:
-    """Does the field go on from scan to scan, or begin anew with each?"""
+def _is_absolute(scans: Sequence[_FieldRange], factor: float, span: float, usual: float) -> bool:
+    """Whether the field continues from scan to scan, instead of being reset at each."""
     starts = np.array([scan.first for scan in scans])
     if np.abs(np.median(starts)) * factor > 10 * max(usual, span * factor):
         return True
     return len(starts) > 1 and float(np.median(np.abs(np.diff(starts)))) > 0.5 * span
 
 
-def _same_clock(scans: Sequence[_Seen], factor: float, usual: float) -> bool:
+def _same_clock(scans: Sequence[_FieldRange], factor: float, usual: float) -> bool:
     apart = [scan.first * factor - scan.stamp for scan in scans if scan.stamp is not None]
     return len(apart) == len(scans) and abs(_median(apart)) < 2 * usual
 
 
 def _instant(first: float, last: float) -> str:
-    """Which instant of the sweep 0 is, by when the points are seen."""
+    """Instant of the sweep at time 0, from the first and last point times."""
     slack = NEAR * (last - first)
     if first > -slack:
         return "start"
     return "end" if last < slack else "middle"
 
 
-def _sweep(scans: Sequence[_Seen], factor: float, period: float | None, span: float) -> float:
-    """Seconds of a whole sweep: of one turn, where the points turn; else from scan to scan, or what they span."""
-    turns = [turn * factor for scan in scans if (turn := _turn(scan)) is not None]
+def _sweep_duration(scans: Sequence[_FieldRange], factor: float, period: float | None, span: float) -> float:
+    """Duration of a whole sweep [s]: one turn if the sensor rotates, else the scan period or the span of the points."""
+    turns = [turn * factor for scan in scans if (turn := _rotation_period(scan)) is not None]
     if len(turns) * 2 <= len(scans):
         return max(period, span) if period else span if span > 0.5 * PERIOD else PERIOD
     turn = _median(turns)
     return next((known for known in (period or PERIOD, 0.05, 0.1, 0.2) if abs(turn / known - 1) < 0.1), turn)
 
 
-def _turn(scan: _Seen) -> float | None:
-    """How long a whole turn takes, in the field's unit, by how azimuths go with time; None where they do not turn."""
+def _rotation_period(scan: _FieldRange) -> float | None:
+    """Duration of a whole turn in the field's unit, from azimuth over time; None if the sensor does not rotate."""
     span = scan.last - scan.first
     time = _from_origin(scan.values, 1.0)
     share = (time[0] + (time[1] - scan.first)) / span
@@ -287,9 +312,8 @@ def _turn(scan: _Seen) -> float | None:
     return 2 * np.pi / abs(usual) * span / BINS
 
 
-def _lost(time: Array, slack: float) -> Array:
-    """(M,) bool: several times of exactly 0 between others that are not near it, as drivers write where packets were
-    lost."""
+def _lost_packets(time: Array, slack: float) -> Array:
+    """Find runs of times that are exactly 0 between times far from 0, as drivers write for lost packets: (M,) bool."""
     lost, zero = np.zeros(len(time), bool), time == 0
     others = np.flatnonzero(~zero & np.isfinite(time))
     runs = np.split(places := np.flatnonzero(zero), np.flatnonzero(np.diff(places) > 1) + 1)

@@ -1,4 +1,4 @@
-"""Clouds to files: .pcd and .ply, byte for byte, and .las."""
+"""Writing of point clouds as .pcd, .ply, .las and .laz."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slam.data.cloud import Array, PointCloud
 from slam.data.errors import InputError
 
 SUFFIXES = (".pcd", ".ply", ".las", ".laz")
-#: Points that are written at once.
+#: Points per block that is written.
 AT_ONCE = 1 << 18
 PLY_TYPES = {
     **{"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint"},
@@ -21,24 +21,30 @@ PLY_TYPES = {
 
 
 def write_points(path: Path, cloud: PointCloud, fields: Mapping[str, Array] | None = None) -> None:
-    """Write x y z intensity, the colour where there is one, and other `fields`, (N,) each, as binary .pcd or .ply; or
-    the former as .las or .laz, which need laspy.
+    """Write a cloud: x y z intensity, and the colour if any.
 
-    PCD has the colour in one float as PCL packs it (`rgb`), PLY in three bytes (`red`, `green`, `blue`).
+    PCD and PLY are written binary. PCD has the colour in one float as PCL packs it (`rgb`), PLY in three bytes (`red`,
+    `green`, `blue`). LAS and LAZ need laspy.
 
-    Raises InputError on another suffix, on an empty cloud, on other `fields` in .las, and where writing fails.
+    Args:
+        path: The file, with one of `SUFFIXES`.
+        cloud: The cloud.
+        fields: Further columns (N,), for .pcd and .ply only.
+
+    Raises:
+        InputError: The suffix is unknown, the cloud is empty, there are `fields` for .las, or writing fails.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise InputError(f"{path}: clouds are written as {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}")
+        raise InputError(f"{path}: unknown suffix; write {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}")
     if len(cloud) == 0:
-        raise InputError(f"{path}: no points to write; were all scans empty?")
+        raise InputError(f"{path}: no points to write; check whether all scans are empty")
     with written_beside(path) as temporary:
         if suffix in (".las", ".laz"):
             from slam.data.las import write_las
 
             if fields:
-                raise InputError(f"{path}: .las files have no {', '.join(fields)}; write .pcd or .ply")
+                raise InputError(f"{path}: .las and .laz files have no {', '.join(fields)}; write .pcd or .ply")
             write_las(temporary, cloud)
             return
         columns = _columns(cloud, fields or {}, packed=suffix == ".pcd")

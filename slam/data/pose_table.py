@@ -1,4 +1,4 @@
-"""Trajectory files as tables of numbers: commas or blanks between them, and a header that may name the columns."""
+"""Trajectory files as tables of numbers, separated by blanks, commas or semicolons, with an optional header."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 @dataclass(frozen=True, eq=False)
 class PoseTable:
-    """What a trajectory file has in it.
+    """Content of a trajectory file.
 
     Attributes:
         values: (N, C) float64.
-        lines: (N,) int64, the line of the file that each row stands in, from 1.
-        names: Of the C columns in lower case, without units; empty where no header names them.
-        stamp_unit: Seconds that the header's unit of the stamps stands for, None where it gives none.
+        lines: (N,) int64, line number of each row, from 1.
+        names: Names of the C columns in lower case, without units; empty without a header.
+        stamp_unit: Unit of the stamps by the header [s], None if the header does not state one.
     """
 
     values: Array
@@ -34,12 +34,12 @@ class PoseTable:
 
 
 def read_pose_table(path: Path) -> PoseTable:
-    """The numbers of a text file, one row a line.
+    """Read the numbers of a text file, one row per line.
 
-    Between them stand blanks, commas or semicolons; with blanks or semicolons, a comma may be the decimal point.
+    Numbers are separated by blanks, commas or semicolons; with blanks or semicolons, a comma may be the decimal point.
 
     Raises:
-        InputError: The file is missing, empty or no text, or a line has words in it or another number of values.
+        InputError: The file is missing, empty or not text, or a line contains words or another number of values.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -59,17 +59,17 @@ def read_pose_table(path: Path) -> PoseTable:
             row = [float(word) for word in _words(content.partition("#")[0])]
         except ValueError as error:
             if rows:
-                raise InputError(f"{path}: line {number} is no row of numbers ({error}); {EXPECTED}") from error
+                raise InputError(f"{path}: line {number} is not a row of numbers ({error}); {EXPECTED}") from error
             headers.append(content)
             continue
         if rows and len(row) != len(rows[0]):
-            fault = f"line {number} has {len(row)} values, those before it {len(rows[0])}"
-            raise InputError(f"{path}: {fault}; is it cut short? Repair or remove the line")
+            fault = f"line {number} has {len(row)} values, the lines before it {len(rows[0])}"
+            raise InputError(f"{path}: {fault}; repair the line, or remove it if it is truncated")
         rows.append(row)
         lines.append(number)
     if not rows:
         words = [header for header in headers if header and not header.startswith(COMMENT)]
-        fault = f"not a table of numbers, but '{words[0][:40]}'" if words else "no poses in it"
+        fault = f"not a table of numbers, but '{words[0][:40]}'" if words else "contains no poses"
         raise InputError(f"{path}: {fault}; {EXPECTED}")
     return PoseTable(np.array(rows), np.array(lines), *_header(headers, len(rows[0])))
 
@@ -86,7 +86,7 @@ def _words(line: str) -> list[str]:
 
 
 def _header(headers: list[str], columns: int) -> tuple[tuple[str, ...], float | None]:
-    """The names of the columns, and the unit of the first, by the last header line that has as many words."""
+    """Names of the columns and unit of the first [s], from the last header line with that many words."""
     for header in reversed(headers):
         content = header.lstrip("#%/ \t").lower()
         units = re.findall(r"[\[(]([^\])]*)[\])]", content)

@@ -1,4 +1,4 @@
-"""What is wrong with a user's data but does not stop a run: reported, counted, gone around."""
+"""Faults in a user's data that do not end a run: they are reported and counted."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Problem:
-    """`kind` is for counting ('truncated scan', 'missing image', ...), `message` for reading: file, fault, remedy."""
+    """A fault in a user's data that does not end the run.
+
+    Attributes:
+        kind: For counting: 'truncated scan', 'missing image', ...
+        message: One line for the reader: file, fault, remedy.
+    """
 
     kind: str
     message: str
 
 
 def spans(runs: Sequence[tuple[int, int]]) -> str:
-    """Runs of whole numbers, first and last, for reading: '3-5, 9', the first eight of them."""
+    """Format runs of whole numbers, given by first and last: '3-5, 9'; at most eight are listed."""
     texts = [str(first) if first >= last else f"{first}-{last}" for first, last in runs]
     return ", ".join(texts[:8]) + (f" and {len(texts) - 8} more" if len(texts) > 8 else "")

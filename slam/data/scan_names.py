@@ -1,4 +1,4 @@
-"""The scans of a folder: which files they are, in which order, and what their names say of when they were taken."""
+"""Scan files of a folder: their order, numbers and stamps, by their names."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from slam.data.point_files import SUFFIXES
 from slam.data.stamp_digits import PER_SECOND, epoch_unit, seconds_of_pairs, unevenness
 
 SCAN_FOLDERS = ("scans", "velodyne", "points", ".")
-#: What a run leaves in its folder that looks like a scan.
+#: Point files that a run writes into its folder.
 OWN = ("map.pcd",)
-COUNTED = 10**4  # a larger step between names is of a clock: us, or ns from
-COUNTED_NS = 10**7  # on
-LEAST_DECIMALS = 3  # after a point, where nothing else says that it is one of seconds
-EVEN = 0.2  # `unevenness` of stamps, below which they are taken for some though there are fewer
+COUNTED = 10**4  # minimum median step between numbers that are stamps in us,
+COUNTED_NS = 10**7  # and in ns
+LEAST_DECIMALS = 3  # minimum digits after a point for decimal seconds without other evidence;
+EVEN = 0.2  # fewer digits are accepted if the `unevenness` of the stamps is below this
 DATE = re.compile(
     r"(?<![0-9])(20[0-9]{2})[-_.]?([01][0-9])[-_.]?([0-3][0-9])[-_T ]?"
     r"([0-2][0-9])[-_.:h]?([0-5][0-9])[-_.:m]?([0-6][0-9])[-_.s]?([0-9]{1,9})?"
@@ -30,13 +30,13 @@ DATE = re.compile(
 
 @dataclass(frozen=True, eq=False)
 class ScanNames:
-    """N scans in their order.
+    """N scan files in order.
 
     Attributes:
-        files: Their paths.
-        numbers: (N,) int64, the last number in each name where these rise, else 0, 1, ...
-        stamps: (N,) [s], where the names are stamps, else None; and
-        unit: what they were read as.
+        files: Paths.
+        numbers: (N,) int64, the last number in each name if these increase, else 0, 1, ...
+        stamps: (N,) [s] if the names are stamps, else None.
+        unit: Unit of the stamps in the names: 'ns', 's and ns', 'dates', ...
     """
 
     files: list[Path]
@@ -46,15 +46,15 @@ class ScanNames:
 
 
 def scans_in(path: Path) -> list[Path]:
-    """The scan files of a folder, or of one of its SCAN_FOLDERS, in their order; empty where there are none.
+    """Return the scan files of a folder, or of one of its SCAN_FOLDERS, in order; empty if there are none.
 
-    Hidden files are none: macOS leaves `._000000.bin` beside a file. Nor is the map of a run.
+    Hidden files are excluded, since macOS writes `._000000.bin` beside a file; so is the map of a run.
     """
     return named_scans(path).files
 
 
 def named_scans(path: Path) -> ScanNames:
-    """The same with what their names say."""
+    """Return the scan files as `scans_in` does, with the numbers and stamps in their names."""
     for folder in (path / name for name in SCAN_FOLDERS):
         if folder.is_dir():
             files = [file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES]
@@ -65,7 +65,7 @@ def named_scans(path: Path) -> ScanNames:
 
 
 def in_order(files: Sequence[Path]) -> ScanNames:
-    """Files, scans or images, sorted by the stamps or the numbers in their names."""
+    """Sort files, scans or images, by the stamps or the numbers in their names."""
     files = sorted(files, key=natural_key)
     found = _stamps_of([_stem(file) for file in files])
     if found is None:
@@ -76,7 +76,7 @@ def in_order(files: Sequence[Path]) -> ScanNames:
 
 
 def numbers_of(files: Sequence[Path]) -> Array:
-    """(N,) int64: the last number in each name that is not the same in all, where these rise, else 0, 1, ..."""
+    """Return the last number in each name that is not the same in all, if these increase, else 0, 1, ... (N,) int64."""
     columns = _varying(_digits([_stem(file) for file in files]))
     numbers = [int(text) for text in columns[-1]] if columns else [int(number) for number in _last_numbers(files)]
     rising = all(before < after for before, after in pairwise(numbers))
@@ -86,18 +86,18 @@ def numbers_of(files: Sequence[Path]) -> Array:
 
 
 def _last_numbers(files: Sequence[Path]) -> list[str]:
-    """Of names that are not built alike: those that have one."""
+    """The last number of each name that has one, for names without a common pattern."""
     return [found[-1] for file in files if (found := re.findall(r"[0-9]+", _stem(file)))]
 
 
 def _stem(file: Path) -> str:
-    """The name without its suffix; nuScenes' end in .pcd.bin."""
+    """The name without its suffix; names of nuScenes end in .pcd.bin."""
     stem = Path(file.stem)
     return stem.stem if stem.suffix.lower() in SUFFIXES else file.stem
 
 
 def _digits(stems: Sequence[str]) -> list[tuple[str, ...]]:
-    """The digits in names that are built alike: a tuple of N texts for each place, none where they are not."""
+    """The numbers in names of a common pattern: N texts for each place; empty without a common pattern."""
     if len({re.sub(r"[0-9]+", "0", stem) for stem in stems}) != 1:
         stems = [stem if "." in stem else f"{stem}.0" for stem in stems]  # 17 among 16.9 and 17.1
         if not all(re.fullmatch(r"[0-9]+\.[0-9]+", stem) for stem in stems):
@@ -106,14 +106,14 @@ def _digits(stems: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def _varying(columns: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """Without the last ones that are the same in all names."""
+    """The columns without the last ones that are the same in all names."""
     while len(columns) > 1 and len(set(columns[-1])) == 1 and len(columns[-1]) > 1:
         columns = columns[:-1]
     return columns
 
 
 def _stamps_of(stems: Sequence[str]) -> tuple[Array, str] | None:
-    """Stamps (N,) [s] and how they were read, None where the names are something else."""
+    """Stamps (N,) [s] and their unit; None if the names are not stamps."""
     columns = _varying(_digits(stems))
     if not columns:
         return None
@@ -122,15 +122,15 @@ def _stamps_of(stems: Sequence[str]) -> tuple[Array, str] | None:
     separators = re.findall(r"(?<=[0-9])[^0-9]+(?=[0-9])", stems[0])
     if len(columns) > 1:
         whole, part, separator = columns[-2], columns[-1], separators[len(columns) - 2]
-        if _in_two_parts(whole, part, separator):
+        if _are_decimal_seconds(whole, part, separator):
             return seconds_of_pairs(whole, part, separator == ".")
     values = [int(text) for text in columns[-1]]
     unit = _unit(np.array(values, np.float64))
     return (np.array([value / PER_SECOND[unit] for value in values]), unit) if unit else None
 
 
-def _in_two_parts(whole: Sequence[str], part: Sequence[str], separator: str) -> bool:
-    """Are these seconds and their fraction, or 2 numbers of other things?"""
+def _are_decimal_seconds(whole: Sequence[str], part: Sequence[str], separator: str) -> bool:
+    """Whether these are seconds and their fraction, not two other numbers."""
     if epoch_unit(np.array([float(text) for text in whole])) == "s":
         return separator in (".", "_", "-")
     if separator != ".":
@@ -142,7 +142,7 @@ def _in_two_parts(whole: Sequence[str], part: Sequence[str], separator: str) -> 
 
 
 def _dates(stems: Sequence[str]) -> Array | None:
-    """Seconds since 1970 (N,) of names with a date and a time of day, all different, else None."""
+    """Seconds since 1970 (N,) of names that all have a different date and time of day, else None."""
     found = [DATE.search(stem) for stem in stems]
     try:
         texts = ["{}-{}-{}T{}:{}:{}.{}".format(*match.groups("0")) for match in found if match]
@@ -155,7 +155,7 @@ def _dates(stems: Sequence[str]) -> Array | None:
 
 
 def _unit(values: Array) -> str | None:
-    """Of whole numbers (N,) that are stamps: times since 1970, or such as step too far for numbers of frames."""
+    """Unit of whole numbers (N,) that are stamps: times since 1970, or with steps too large for frame numbers."""
     unit, steps = epoch_unit(values), np.diff(np.sort(values))
     if unit:
         return unit

@@ -1,4 +1,4 @@
-"""Rigid motions as 4x4 matrices `T_a_b` (frame b into frame a); tangent vectors: rotation first, as in GTSAM."""
+"""Rigid motions as 4x4 matrices `T_a_b` (frame b to frame a); tangent vectors have the rotation first, as in GTSAM."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ EYE = np.eye(3)
 
 
 def skew(v: Array) -> Array:
-    """(3,) -> (3, 3) with skew(v) @ w = v x w."""
+    """Return the cross-product matrix (3, 3) of v (3,): its product with w is v x w."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def _exponentials(omega: Array) -> tuple[Array, Array]:
-    """Rotation R (3, 3) of a rotation vector [rad], and V of SE(3)'s exponential: translation = V @ v (Barfoot, State
-    Estimation for Robotics, eq. 7.14 and 7.86)."""
+    """Rotation R (3, 3) of a rotation vector [rad], and V of SE(3)'s exponential: translation = V @ v.
+
+    Barfoot, State Estimation for Robotics, eq. 7.14 and 7.86.
+    """
     angle, K = math.sqrt(omega @ omega), skew(omega)
     squared = K @ K
     if angle < 1e-6:
@@ -30,7 +32,7 @@ def _exponentials(omega: Array) -> tuple[Array, Array]:
 
 
 def exp(xi: Array) -> Array:
-    """Tangent vector (6,), rotation [rad] first, then translation [m] -> pose (4, 4)."""
+    """Return the pose (4, 4) of a tangent vector (6,), rotation [rad] first, then translation [m]."""
     T = np.eye(4)
     T[:3, :3], V = _exponentials(xi[:3])
     T[:3, 3] = V @ xi[3:]
@@ -38,13 +40,13 @@ def exp(xi: Array) -> Array:
 
 
 def log(T: Array) -> Array:
-    """Inverse of `exp` for rotations below pi: (4, 4) -> (6,)."""
+    """Return the tangent vector (6,) of a pose (4, 4): the inverse of `exp` for rotations below pi."""
     omega = Rotation.from_matrix(T[:3, :3]).as_rotvec()
     return np.concatenate([omega, np.linalg.solve(_exponentials(omega)[1], T[:3, 3])])
 
 
 def inverse(T: Array) -> Array:
-    """Inverse of one pose (4, 4) or of a stack (N, 4, 4)."""
+    """Invert one pose (4, 4) or a stack (N, 4, 4)."""
     rotation = np.swapaxes(T[..., :3, :3], -1, -2)
     result = np.zeros_like(T)
     result[..., :3, :3] = rotation
@@ -54,17 +56,17 @@ def inverse(T: Array) -> Array:
 
 
 def angle(T: Array) -> Array:
-    """Rotation angle [rad] of a pose (4, 4) or of a stack (N, 4, 4)."""
+    """Return the rotation angle [rad] of a pose (4, 4) or of a stack (N, 4, 4)."""
     return np.asarray(Rotation.from_matrix(T[..., :3, :3]).magnitude())
 
 
 def scale(T: Array, factor: float) -> Array:
-    """The same motion continued for `factor` times as long: exp(factor * log(T))."""
+    """Scale a motion at constant velocity to `factor` times its duration: exp(factor * log(T))."""
     return exp(factor * log(T))
 
 
 def adjoint(T: Array) -> Array:
-    """(6, 6) that takes a tangent vector of frame b, rotation first, to frame a; `T_a_b` (4, 4)."""
+    """Return the adjoint (6, 6) of `T_a_b` (4, 4): it maps tangent vectors, rotation first, from frame b to frame a."""
     result = np.zeros((6, 6))
     result[:3, :3] = result[3:, 3:] = T[:3, :3]
     result[3:, :3] = skew(T[:3, 3]) @ T[:3, :3]
@@ -72,18 +74,25 @@ def adjoint(T: Array) -> Array:
 
 
 def interpolate(stamps: Array, poses: Array, at: Array) -> Array:
-    """Poses (M, 4, 4) at times `at` (M,), between samples (N, 4, 4) at rising `stamps` (N,): SLERP and linear.
+    """Interpolate poses at times `at` (M,): SLERP for the rotation, linear for the translation.
 
-    Times outside the samples take the first or the last pose.
+    Args:
+        stamps: (N,) increasing times of the samples [s].
+        poses: (N, 4, 4) samples.
+        at: (M,) times [s]; outside the samples, the first or the last pose is returned.
+
+    Returns:
+        Poses (M, 4, 4).
     """
     before, after, share = neighbours(stamps, at)
     return blend(poses[before], poses[after], share)
 
 
 def neighbours(stamps: Array, at: Array) -> tuple[Array, Array, Array]:
-    """Which samples, at rising `stamps` (N,), lie before and after times `at` (M,), and the share of the way.
+    """Find the samples at increasing `stamps` (N,) before and after times `at` (M,), and the fraction between them.
 
-    Three arrays (M,). The share is 0..1: times outside the samples are at the first or the last.
+    Returns:
+        Three arrays (M,): index before, index after, fraction 0..1. Times outside the samples are clipped to them.
     """
     before = np.clip(np.searchsorted(stamps, at, side="right") - 1, 0, max(len(stamps) - 2, 0))
     after = np.minimum(before + 1, len(stamps) - 1)
@@ -92,7 +101,7 @@ def neighbours(stamps: Array, at: Array) -> tuple[Array, Array, Array]:
 
 
 def blend(start: Array, end: Array, share: Array) -> Array:
-    """Poses (M, 4, 4) a share (M,) of the way from `start` to `end`, (M, 4, 4) each: SLERP and linear."""
+    """Interpolate (M, 4, 4) at fractions `share` (M,) between `start` and `end`, (M, 4, 4) each: SLERP and linear."""
     rotation, share = Rotation.from_matrix(start[:, :3, :3]), share[:, None]
     turn = (rotation.inv() * Rotation.from_matrix(end[:, :3, :3])).as_rotvec()
     result = np.tile(np.eye(4), (len(share), 1, 1))
@@ -102,7 +111,7 @@ def blend(start: Array, end: Array, share: Array) -> Array:
 
 
 def normalized(T: Array) -> Array:
-    """The pose (4, 4) with its rotation made orthonormal again: rounding grows when poses are chained."""
+    """Orthonormalise the rotation of a pose (4, 4): rounding errors accumulate when poses are chained."""
     result = T.copy()
     U, _, Vt = np.linalg.svd(T[:3, :3])
     result[:3, :3] = U @ Vt
@@ -110,6 +119,6 @@ def normalized(T: Array) -> Array:
 
 
 def from_first(poses: Array) -> Array | None:
-    """Poses (N, 4, 4) in the frame of the first one that is not NaN; None where all are."""
+    """Return poses (N, 4, 4) relative to the first one that is not NaN; None if all are NaN."""
     known = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
     return inverse(poses[known[0]]) @ poses if len(known) else None

@@ -1,4 +1,4 @@
-"""Stamps out of digits, as names of files and lines of text have them: in s, ms, us or ns, whole or in two parts."""
+"""Conversion of digits in file names and lines of text to stamps: in s, ms, us or ns, in one or two numbers."""
 
 from __future__ import annotations
 
@@ -9,16 +9,20 @@ import numpy as np
 from slam.data.cloud import Array
 
 EPOCH = (9.4e8, 4.3e9)  # s since 1970: the years 2000 to 2106
-LONGEST_STEP = 10.0  # s from scan to scan; longer ones are of another unit
-#: How many of a unit make a second.
+LONGEST_STEP = 10.0  # maximum scan period [s]; larger steps mean another unit
+#: Units per second.
 PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
-DIGITS = {3: "ms", 6: "us", 9: "ns"}  # after the second, of a count of these
+DIGITS = {3: "ms", 6: "us", 9: "ns"}  # by the number of digits of the second number
 
 
 def seconds_of(values: Sequence[int | float]) -> tuple[Array, str]:
-    """Stamps (N,) [s], exact to the last bit, and their unit.
+    """Convert numbers to stamps.
 
-    The unit follows from what the values are since 1970, else from their usual step: scans come 0.01 to 10 s apart.
+    The unit is that in which the values are times since 1970, else it follows from their median step: scans are 0.01 to
+    10 s apart.
+
+    Returns:
+        Stamps (N,) [s], exact to the last bit, and their unit.
     """
     table = np.array(values, np.float64)
     unit = epoch_unit(table) or _unit_of_steps(table)
@@ -26,7 +30,7 @@ def seconds_of(values: Sequence[int | float]) -> tuple[Array, str]:
 
 
 def epoch_unit(values: Array) -> str | None:
-    """The unit in which all values (N,) are times since 1970, None where there is none."""
+    """Return the unit in which the values (N,) are times since 1970, or None."""
     known = values[np.isfinite(values) & (values != 0)]
     for unit, many in PER_SECOND.items():
         if len(known) and EPOCH[0] * many <= np.median(known) <= EPOCH[1] * many:
@@ -41,12 +45,19 @@ def _unit_of_steps(values: Array) -> str:
 
 
 def seconds_of_pairs(whole: Sequence[str], part: Sequence[str], point: bool) -> tuple[Array, str]:
-    """Stamps (N,) [s] of whole seconds and what follows them, and how that was read.
+    """Convert pairs of whole seconds and a second number to stamps.
 
-    What follows is a decimal fraction, whose last zeros may have been left out, or a count, whose first zeros may have
-    been: of ns, us or ms, where the longest has 9, 6 or 3 digits. Where these are not equally many, that is right by
-    which the scans come at more regular intervals; where both are the same, a decimal `point` between the two makes it
-    a fraction.
+    The second number is a decimal fraction, perhaps without trailing zeros, or a count of ns, us or ms (if the longest
+    has 9, 6 or 3 digits), perhaps without leading zeros. If the numbers of digits differ, the reading with the more
+    regular intervals is taken; if both are equally regular, `point` decides.
+
+    Args:
+        whole: N texts, seconds.
+        part: N texts, the second numbers.
+        point: Whether a decimal point separates the two, which makes the second a fraction.
+
+    Returns:
+        Stamps (N,) [s], and the reading: 's', or 's and ns' etc.
     """
     fraction = np.array([float(f"{a}.{b}") for a, b in zip(whole, part, strict=True)])
     unit = DIGITS.get(max(len(text) for text in part))
@@ -61,7 +72,7 @@ def seconds_of_pairs(whole: Sequence[str], part: Sequence[str], point: bool) -> 
 
 
 def unevenness(stamps: Array) -> float:
-    """How much the steps between stamps (N,), in their order, differ: 0 where they are equal, inf without order."""
+    """Return the mean relative deviation of the steps between stamps (N,) from their median, infinite if that is 0."""
     steps = np.diff(stamps)
     if len(steps) == 0 or np.median(steps) <= 0:
         return np.inf if len(steps) else 0.0

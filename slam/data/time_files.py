@@ -1,4 +1,4 @@
-"""Text files with the stamps of scans or images: one a line, in any unit, or in a table with names or numbers."""
+"""Text files with the stamps of scans or images: one per line, in any unit, or a table with names or numbers."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ NUMBER = re.compile(r"[-+]?([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][-+]?[0-9]+)?")
 DATE = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2}[ T][0-9]{2}:[0-9]{2}:[0-9]{2}([.,][0-9]+)?Z?")
 DECIMAL_COMMA, WHOLE = re.compile(r"[-+]?[0-9]+,[0-9]+"), re.compile(r"[-+]?[0-9]+")
 COMMENTS = ("#", "%", "//")
-Row = tuple[str, ...]  # the fields of a line, none of one that says nothing
+Row = tuple[str, ...]  # fields of a line; empty for a line without a stamp
 
 
 @dataclass(frozen=True, eq=False)
 class Stamps:
-    """Of N files.
+    """Stamps of N files.
 
     Attributes:
-        seconds: (N,), rising.
-        unit: What they were read as: 's', 'ns', 's and ns', 'dates'.
-        problems: What was mended.
+        seconds: (N,) increasing [s].
+        unit: Unit in the file: 's', 'ns', 's and ns', 'dates', ...
+        problems: Stamps that were corrected.
     """
 
     seconds: Array
@@ -40,20 +40,23 @@ class Stamps:
 
 
 def read_stamps(path: Path, files: Sequence[Path], numbers: Array) -> Stamps | None:
-    """The stamps of files in their order; None where they are all the same.
+    """Read the stamps of files.
 
-    Taken are: numbers or dates, one a line; tables with commas, semicolons, tabs or blanks, whose columns are the
-    stamp, or seconds and what follows them, and beside it the file's name or number; with or without a header; decimal
-    commas.
-    The unit is found from what the numbers are. An empty line keeps the place of a scan that is missing.
+    Accepted are numbers or dates, one per line, and tables separated by commas, semicolons, tabs or blanks. Columns of
+    a table are the stamp, or seconds and a fraction or count (see `seconds_of_pairs`), and the file's name or number. A
+    header and decimal commas are allowed. The unit is estimated from the values. An empty line stands for a missing
+    scan.
 
     Args:
         path: The text file.
-        files: The N files that the stamps are of.
-        numbers: (N,) the numbers in their names.
+        files: The N files of the stamps, in order.
+        numbers: (N,) numbers in their names.
+
+    Returns:
+        The stamps, or None if all are equal.
 
     Raises:
-        InputError: The file cannot be read, holds something else, or has not a row for every file or number.
+        InputError: The file cannot be read, has another content, or does not have a row per file or number.
     """
     rows = _rows(path)
     by_name = _by_name(rows, files)
@@ -61,7 +64,7 @@ def read_stamps(path: Path, files: Sequence[Path], numbers: Array) -> Stamps | N
         rows = by_name
     values, unit, ids = _values(rows, path)
     if by_name is None:
-        values = _of_ids(values, ids, numbers) if ids is not None else rows_by_number(values, numbers, path)
+        values = _by_number(values, ids, numbers) if ids is not None else rows_by_number(values, numbers, path)
     if usual_step(values) is None and len(values) > 1:
         return None
     seconds, problems = mended(values, path)
@@ -69,14 +72,26 @@ def read_stamps(path: Path, files: Sequence[Path], numbers: Array) -> Stamps | N
 
 
 def read_rows(path: Path) -> tuple[Array, str]:
-    """The stamps (M,) [s] of all lines, NaN where one says nothing, and their unit. Raises InputError likewise."""
+    """Read the stamps of all lines.
+
+    Returns:
+        Stamps (M,) [s], NaN for a line without a stamp, and their unit.
+
+    Raises:
+        InputError: The file cannot be read or has another content.
+    """
     values, unit, _ = _values(_rows(path), path)
     return values, unit
 
 
 def text_lines(path: Path) -> list[str]:
-    """The lines of a text file, UTF-8 or what Windows writes, without blanks around, and without empty ones at the end.
-    Raises InputError where it cannot be read."""
+    """Read the lines of a text file, stripped, without empty lines at the end.
+
+    The encoding is UTF-8, or UTF-16 with a byte order mark as Windows writes it.
+
+    Raises:
+        InputError: The file cannot be read or is not text.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -85,13 +100,19 @@ def text_lines(path: Path) -> list[str]:
     try:
         text = data.decode("utf-16" if wide else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: no text; times are expected, one a line") from error
+        raise InputError(f"{path}: not a text file; one stamp per line is expected") from error
     return [line.strip() for line in text.rstrip("\n\r\t \x00").splitlines()]
 
 
 def clock_rows(path: Path, lines: Sequence[str]) -> Array:
-    """(N,) datetime64[ns] of lines like '2011-09-26 13:04:32.335337762', NaT for empty ones. Raises InputError on
-    others."""
+    """Parse lines like '2011-09-26 13:04:32.335337762'.
+
+    Returns:
+        (N,) datetime64[ns], NaT for empty lines.
+
+    Raises:
+        InputError: A line has another form.
+    """
     try:
         return np.array([line.removesuffix("Z").replace(",", ".") or "NaT" for line in lines], "datetime64[ns]")
     except ValueError as error:
@@ -99,14 +120,14 @@ def clock_rows(path: Path, lines: Sequence[str]) -> Array:
 
 
 def _rows(path: Path) -> list[Row]:
-    """The fields of each line; comments and the header left out, other lines without a number empty."""
+    """Fields of each line, without comments and header; empty for other lines without a number."""
     lines = [line for line in text_lines(path) if not line.startswith(COMMENTS)]
     commas = _decimal_commas(lines)
     rows = [_fields(line, commas) for line in lines]
     first = next((at for at, row in enumerate(rows) if any(_is_time(field) for field in row)), None)
     if first is None:
-        example = f", not '{lines[0][:40]}'" if lines else "; it is empty"
-        raise InputError(f"{path}: one number a line is expected{example}")
+        fault = f"'{lines[0][:40]}' is not a stamp" if lines else "no stamps in the file"
+        raise InputError(f"{path}: {fault}; one number per line is expected")
     return rows[first if any(rows[:first]) else 0 :]
 
 
@@ -120,10 +141,10 @@ def _fields(line: str, commas: bool) -> Row:
 
 
 def _decimal_commas(lines: Sequence[str]) -> bool:
-    """Are commas decimal points? So they are where no field has a point and each is a number with a comma or without.
+    """Whether commas are decimal points: no field has a point, and each is a number with or without a comma.
 
-    Two columns of whole numbers look the same: the first is seconds since 1970, which `seconds_of_pairs` reads either
-    way, or counts.
+    Two columns of whole numbers have the same form; they are recognised by a first column that is seconds since 1970,
+    which `seconds_of_pairs` reads either way, or that counts.
     """
     rows = [row for line in lines if (row := re.split(r"[;\s]+", line)) and not any(map(str.isalpha, line))]
     fields = [field for row in rows for field in row if field]
@@ -142,7 +163,7 @@ def _is_time(field: str) -> bool:
 
 
 def _by_name(rows: Sequence[Row], files: Sequence[Path]) -> list[Row] | None:
-    """The row of each file, by its name in one of the columns; None where there is no such column."""
+    """Row of each file, by its name in one of the columns; None if no column has the names."""
     stems = {file.stem: at for at, file in enumerate(files)}
     width = max(len(row) for row in rows)
     for column in range(width if width > 1 else 0):
@@ -162,17 +183,17 @@ def _stem(field: str) -> str:
 
 
 def _values(rows: Sequence[Row], path: Path) -> tuple[Array, str, Array | None]:
-    """Stamps (M,) [s], NaN where a row has none, their unit, and the numbers (M,) beside them, or None."""
+    """Stamps (M,) [s], NaN for a row without one, their unit, and the numbers (M,) in the first column, or None."""
     width = int(np.median([len(row) for row in rows if row]))
     sound = [len(row) >= width and any(_is_time(field) for field in row) for row in rows]
     kept = [row for row, good in zip(rows, sound, strict=True) if good]
     if not kept:
-        raise InputError(f"{path}: one number a line is expected")
+        raise InputError(f"{path}: no stamps in the file; one number per line is expected")
     columns = [column for column in zip(*(row[:width] for row in kept), strict=True) if all(map(_is_time, column))]
     if not columns:
-        raise InputError(f"{path}: no column of numbers in it; one number a line is expected, the scan's stamp")
+        raise InputError(f"{path}: no column of numbers; one number per line is expected, the scan's stamp")
     ids = None
-    if len(columns) > 1 and _counts(columns[0]):
+    if len(columns) > 1 and _are_scan_numbers(columns[0]):
         ids, columns = np.array([int(text) for text in columns[0]]), columns[1:]
     found, unit = _seconds(columns, path)
     values, spread = np.full(len(rows), np.nan), np.full(len(rows), -1)
@@ -182,8 +203,8 @@ def _values(rows: Sequence[Row], path: Path) -> tuple[Array, str, Array | None]:
     return values, unit, None if ids is None else spread
 
 
-def _counts(column: Sequence[str]) -> bool:
-    """Are these the numbers of scans: whole, rising, mostly by one, and no times since 1970?"""
+def _are_scan_numbers(column: Sequence[str]) -> bool:
+    """Whether these are numbers of scans: whole, increasing, mostly by one, and not times since 1970."""
     if not all(text.isdigit() for text in column):
         return False
     values = np.array([int(text) for text in column])
@@ -203,8 +224,8 @@ def _seconds(columns: Sequence[Row], path: Path) -> tuple[Array, str]:
     return seconds_of([int(text) if text.isdigit() else float(text) for text in first])
 
 
-def _of_ids(values: Array, ids: Array, numbers: Array) -> Array:
-    """By the numbers in the table where they are those of the files, else in their order."""
+def _by_number(values: Array, ids: Array, numbers: Array) -> Array:
+    """Stamps of the files: by the numbers in the table if these are the numbers of the files, else by order."""
     known = dict(zip(ids.tolist(), values, strict=True))
     wanted = numbers.tolist()
     if len(values) == len(wanted) and not set(wanted) <= set(known):

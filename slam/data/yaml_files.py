@@ -1,4 +1,4 @@
-"""Small YAML files that a user writes, parsed without executing anything, and faults in them said in one line."""
+"""Small YAML files of users, parsed without executing anything; faults are reported in one line."""
 
 from __future__ import annotations
 
@@ -15,13 +15,17 @@ from slam.data.yaml_text import LONGEST, parsed
 
 
 def read_mapping(path: Path, known: Iterable[str]) -> dict[str, Any]:
-    """The keys and values of a YAML file. Raises InputError where it is no mapping or holds a key not `known`."""
+    """Read the keys and values of a YAML file.
+
+    Raises:
+        InputError: The file cannot be read, is not a mapping, or has a key that is not `known`.
+    """
     try:
         with path.open(encoding="utf-8") as file:
             content = parsed(file.read(LONGEST + 1))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except ValueError as error:  # of text that is not UTF-8 too
+    except ValueError as error:  # also for text that is not UTF-8
         raise InputError(f"{path}: not YAML ({error})") from error
     known = sorted(known)
     if not isinstance(content, dict):
@@ -37,14 +41,18 @@ def _short(key: Any) -> str:
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
-    """The end of an error message on an unknown word: the known word nearest to it, or all of them."""
+    """Return the end of an error message on an unknown word: the most similar known word, or all known words."""
     known = list(known)
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
     return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}"
 
 
 def numbers(path: Path, key: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """A list of numbers as float64 array; -1 in `shape` stands for any length. Raises InputError on anything else."""
+    """Convert a list of numbers to a float64 array; -1 in `shape` stands for any length.
+
+    Raises:
+        InputError: The value has another shape, or is not finite numbers.
+    """
     expected = " x ".join("n" if size == -1 else str(size) for size in shape)
     try:
         array = np.array(value, np.float64)

@@ -47,7 +47,6 @@ class Linearisation:
 def minimise(
     linearise: Callable[[Array], Linearisation],
     guess: Array,
-    model: Linearisation,
     max_iterations: int,
     locked: Array = NOT_LOCKED,
 ) -> tuple[Array, bool]:
@@ -56,7 +55,6 @@ def minimise(
     Args:
         linearise: Returns the linearisation at a pose (4, 4).
         guess: Initial pose (4, 4).
-        model: Linearisation at `guess`.
         max_iterations: Maximum number of steps.
         locked: Directions (K, 6), orthonormal and in the target's axes, along which no step is taken (solution
             remapping, Zhang, Kaess, Singh, ICRA 2016).
@@ -65,8 +63,8 @@ def minimise(
         The pose (4, 4), and whether the iteration converged.
     """
     pose, free = guess, null_space(locked) if len(locked) else np.eye(6)
-    for iteration in range(max_iterations):
-        model = linearise(pose) if iteration else model
+    for _ in range(max_iterations):
+        model = linearise(pose)
         step = -free @ _solve(free.T @ model.H @ free, free.T @ model.gradient)
         pose = _perturbed(pose, step)
         if np.linalg.norm(step[:3]) < STOP_ROTATION and np.linalg.norm(step[3:]) < STOP_TRANSLATION:

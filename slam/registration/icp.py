@@ -66,7 +66,7 @@ class IcpTarget:
             locked: Directions (K, 6), in the target's axes, along which no step is taken.
         """
         linearise = partial(self._linearise, xyz, weight)
-        pose, converged = minimise(linearise, guess, linearise(guess), self.max_iterations, locked)
+        pose, converged = minimise(linearise, guess, self.max_iterations, locked)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(xyz, weight, pose, scores)
         return result(model, pose, converged, xyz, scores)

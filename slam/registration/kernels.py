@@ -500,6 +500,29 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussia
 
 
 @njit(cache=True, nogil=True)
+def overlap(xyz, weight, pose, size, table, gaussians):
+    """Compute the share of the points, by weight, whose own cell has a Gaussian with information.
+
+    Args:
+        xyz: Points (N, 3).
+        weight: Their weights (N,).
+        pose: Pose (4, 4) of the points in the map.
+        size: Size of the cells [m].
+        table: Hash table of the cells.
+        gaussians: Gaussians of the cells.
+    """
+    met, total = 0.0, 1e-9
+    inverse_size = 1.0 / size
+    for i in range(len(xyz)):
+        x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
+        slot = _find(table, _key(x + pose[0, 3], y + pose[1, 3], z + pose[2, 3], inverse_size))
+        total += weight[i]
+        if table[slot, 0] != EMPTY and _has_information(gaussians[table[slot, 1]]):
+            met += weight[i]
+    return met / total
+
+
+@njit(cache=True, nogil=True)
 def support(xyz, weight, pose, size, kernel, axes, table, gaussians):
     """Compute the directions that the surfaces face to which the points are matched.
 

@@ -116,24 +116,27 @@ class NdtTarget:
             locked: Directions (K, 6), in the map's axes, along which no step is taken.
         """
         pose, converged, last_level = guess, False, self.levels[-1]
-        model = self._linearise(self.levels[0], xyz, weight, guess)
-        for level in (*self._initial_levels(model), *self.levels):
-            linearise = partial(self._linearise, level, xyz, weight)
-            model = model if level is self.levels[0] and pose is guess else linearise(pose)
-            if self.surfaces and level in self.levels and model.overlap < MIN_LEVEL_OVERLAP:
-                continue
+        for level in self._levels_for(xyz, weight, guess):
             last_level = level
             limit = self.max_iterations if level is self.levels[-1] else self.max_iterations // 2
-            pose, converged = minimise(linearise, pose, model, limit, locked)
+            pose, converged = minimise(partial(self._linearise, level, xyz, weight), pose, limit, locked)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(last_level, xyz, weight, pose, scores)
         return result(model, pose, converged, xyz, scores)
 
-    def _initial_levels(self, model: Linearisation) -> list[VoxelGaussians]:
-        """Coarser levels made of the finest level, if the overlap with the coarsest level is low: the map is new."""
-        if not self.surfaces or model.overlap >= MIN_LEVEL_OVERLAP:
-            return []
-        return [self.levels[-1].coarser(factor) for factor in reversed(COARSER_FACTORS)]
+    def _levels_for(self, xyz: Array, weight: Array, guess: Array) -> list[VoxelGaussians]:
+        """Return the levels, coarse to fine, that enough points meet at the guess.
+
+        If few points meet the coarsest level, the map is new: coarser levels, made of the finest, come first. The
+        finest level is judged at the guess too: a sparse scan meets its own rings where the coarse level leads it.
+        """
+        if not self.surfaces:
+            return self.levels
+        overlaps = [level.overlap(xyz, weight, guess) for level in self.levels]
+        levels = [level for level, overlap in zip(self.levels, overlaps, strict=True) if overlap >= MIN_LEVEL_OVERLAP]
+        if overlaps[0] < MIN_LEVEL_OVERLAP:
+            levels = [self.levels[-1].coarser(factor) for factor in reversed(COARSER_FACTORS)] + levels
+        return levels
 
     def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
         """Return the directions (K, 3) that points at `pose` do not constrain, see `observability.unobserved`.

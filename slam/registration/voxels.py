@@ -110,6 +110,10 @@ class VoxelGaussians:
             xyz, weight, pose, self.size, neighbours, kernel, self._table, self._gaussians, scores
         )
 
+    def overlap(self, xyz: Array, weight: Array, pose: Array) -> float:
+        """Return the share of the points that meet a Gaussian, see `kernels.overlap`."""
+        return kernels.overlap(xyz, weight, pose, self.size, self._table, self._gaussians)
+
     def support(
         self, xyz: Array, weight: Array, pose: Array, kernel: float, axes: Array = IDENTITY
     ) -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
-"""Point files with any damage: they give points or a problem, never an exception, and take little memory.
+"""Damaged point files: reading gives points or a problem, never an exception, and takes little memory.
 
-`python -m benchmarks.inputs.fuzz` does the same for longer, guided by what the damage reaches.
+`python -m benchmarks.inputs.fuzz` does the same for longer, guided by code coverage.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ SOUND = {
     "points.las": las(False),
     "packed.laz": las(True),
 }
-#: What headers lie with.
+#: Wrong values in headers.
 WORDS = [
     b"0",
     b"-1",
@@ -90,7 +90,7 @@ WORDS = [
 
 @st.composite
 def damaged(draw: st.DrawFn, content: bytes) -> bytes:
-    """The content with some bytes, words and parts changed, moved, left out, or cut off."""
+    """The content with some bytes, words and parts changed, inserted, removed or cut off."""
     data = bytearray(content)
     for _ in range(draw(st.integers(1, 4))):
         at = draw(st.integers(0, max(len(data) - 1, 0)))
@@ -126,7 +126,7 @@ def checked(name: str, content: bytes) -> Points:
 
 
 @pytest.mark.parametrize("name", SOUND)
-def test_the_sound_file_is_read(name: str) -> None:
+def test_the_undamaged_file_is_read(name: str) -> None:
     assert checked(name, SOUND[name]).problems in ((), checked(name, SOUND[name]).problems[:1])
 
 
@@ -140,7 +140,7 @@ def test_any_damage_gives_points_or_a_problem(name: str, data: st.DataObject) ->
 @pytest.mark.parametrize("suffix", ["pcd", "ply", "npy", "bin", "las", "laz"])
 @settings(max_examples=20)
 @given(content=st.binary(max_size=300))
-def test_anything_gives_points_or_a_problem(suffix: str, content: bytes) -> None:
+def test_any_content_gives_points_or_a_problem(suffix: str, content: bytes) -> None:
     checked(f"any.{suffix}", content)
 
 
@@ -171,9 +171,9 @@ HEAVY = {
 
 
 @pytest.mark.parametrize("name", HEAVY)
-def test_reading_takes_no_more_than_twice_the_file(name: str) -> None:
+def test_reading_takes_at_most_twice_the_memory_of_the_file(name: str) -> None:
     file, path = io.BytesIO(HEAVY[name]), Path(name)
-    points_in(file, path)  # what is imported and cached does not count
+    points_in(file, path)  # imports and caches do not count
     tracemalloc.start()
     try:
         points_in(file, path)

@@ -1,6 +1,6 @@
-"""Whole drives that others' odometry stumbled over: scans missing, standing, near things, scans without points.
+"""Whole sequences that are hard for odometry: missing scans, standing, near objects, scans without points.
 
-`CASES` is a table as in test_times.py, of drives down the street of planes, 1.4 m a scan.
+`CASES` is a table as in test_times.py, of sequences in the street of planes, 1.4 m per scan.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from slam.pipeline import Slam
 from slam.run import Run
 
 Array = np.ndarray
-NEAR = 0.05  # m from the truth
+NEAR = 0.05  # m from the true position
 SETTINGS = ["front_end.vertical_correction_deg=0", "loops.enabled=false"]
 
 
 @dataclass(frozen=True)
 class Street:
-    """The scans (N, 4) and true poses (4, 4) of a drive."""
+    """Scans (N, 4) and true poses (4, 4) of a sequence."""
 
     scans: Sequence[Array]
     poses: Array
@@ -35,7 +35,7 @@ class Street:
             return slam.finish()
 
     def off(self, run: Run, places: Sequence[int]) -> Array:
-        """(N,) metres from the truth at these places of the drive."""
+        """Position errors (N,) [m] at these scans of the sequence."""
         return np.asarray(np.linalg.norm(run.poses[:, :3, 3] - self.poses[places][:, :3, 3], axis=1))
 
 
@@ -58,14 +58,14 @@ def standing(street: Street) -> None:
 
 
 def in_the_world(street: Street) -> None:
-    """Each scan placed by its pose already: nothing seems to move."""
+    """Each scan is already transformed by its pose: nothing seems to move."""
     placed = [scan[:, :3] @ pose[:3, :3].T + pose[:3, 3] for scan, pose in zip(street.scans, street.poses, strict=True)]
     run = street.run([np.c_[xyz, np.zeros(len(xyz))] for xyz in placed], stamps(8))
     assert np.linalg.norm(run.poses[:, :3, 3], axis=1).max() < NEAR
 
 
 def room(street: Street) -> None:
-    """4 by 5 m, 2.5 m high: nothing is farther away than 4 m."""
+    """4 m by 5 m, 2.5 m high: nothing is farther than 4 m."""
     del street
     rng = np.random.default_rng(1)
     way = rng.uniform([-2, -2.5, -1], [2, 2.5, 1.5], (30000, 3))
@@ -108,17 +108,18 @@ class Case:
 
 
 CASES = [
-    Case("35", "three scans missing at 14 m/s", "not run", "gone around, by the stamps", missing),
-    Case("36", "standing, then off at 14 m/s at once", "not run", "followed", standing),
-    Case("37", "scans in the world's frame already", "no motion, no word", "no motion, no word: it cannot be told",
-         in_the_world),
-    Case("38", "a room of 4 by 5 m", "not run", "nearest range by the first scan: registered", room),
-    Case("39", "somebody stands 0.35 m away", "not run", "left out by the nearest range", near_wall),
-    Case("40a", "a scan of 30 points at 1 m, first", "not run", "failed, and the next begins the map", almost_empty(0)),
-    Case("40b", "the same in the middle", "reported", "failed, and the drive goes on", almost_empty(4)),
+    Case("35", "three scans missing at 14 m/s", "not run", "registered, by the stamps", missing),
+    Case("36", "standing, then 14 m/s at once", "not run", "registered", standing),
+    Case("37", "scans that are already in the world frame", "no motion, no message",
+         "no motion; not distinguishable in so short a sequence", in_the_world),
+    Case("38", "a room of 4 m by 5 m", "not run", "registered; the minimum range is chosen from the first scan", room),
+    Case("39", "a person 0.35 m away", "not run", "points left out by the minimum range", near_wall),
+    Case("40a", "a scan of 30 points within 1 m, first", "not run", "failed; the map begins with the next scan",
+         almost_empty(0)),
+    Case("40b", "the same, in the middle", "reported", "failed; the run goes on", almost_empty(4)),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.number)
-def test_a_drive_ends_where_it_should(case: Case, street_scans: list[Array], street_poses: Array) -> None:
+def test_the_trajectory_ends_at_the_true_position(case: Case, street_scans: list[Array], street_poses: Array) -> None:
     case.check(Street(street_scans, street_poses))

@@ -1,4 +1,4 @@
-"""Folders of point files: what the first scans tell of all, what the user may say, and which faults end a run."""
+"""Folders of point files: estimates from the first scans, statements of the user, and faults that end a run."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def saved(path: Path, *arrays: np.ndarray) -> Path:
 
 
 @pytest.mark.parametrize(("width", "named"), [(3, "x, y, z"), (5, "intensity, ring"), (6, "intensity, ring, time")])
-def test_the_columns_of_bin_files_are_told_by_the_first_scans_and_said_once(
+def test_columns_of_bin_files_are_estimated_from_the_first_scans_and_reported_once(
     tmp_path: Path, width: int, named: str
 ) -> None:
     data = open_dataset(folder_of(tmp_path / "d", *[WIDE[:, :width].astype("<f4").tobytes()] * 5))
@@ -50,12 +50,12 @@ def test_the_columns_of_bin_files_are_told_by_the_first_scans_and_said_once(
         assert (data[position].cloud.time is not None) == (width == 6)
 
 
-def test_nothing_is_said_of_kittis_columns(tmp_path: Path) -> None:
+def test_kittis_columns_are_not_reported(tmp_path: Path) -> None:
     assert open_dataset(folder_of(tmp_path / "d", *[WIDE[:, :4].astype("<f4").tobytes()] * 2)).problems == ()
 
 
-def test_the_first_scans_tell_by_their_majority(tmp_path: Path) -> None:
-    """The first is cut short, the second empty."""
+def test_the_majority_of_the_first_scans_decides(tmp_path: Path) -> None:
+    """The first scan is truncated, the second empty."""
     content = WIDE[:, :5].astype("<f4").tobytes()
     data = open_dataset(folder_of(tmp_path / "d", content[:-7], b"", content, content))
     assert [len(data[position].cloud) for position in range(4)] == [COUNT - 1, 0, COUNT, COUNT]
@@ -63,7 +63,7 @@ def test_the_first_scans_tell_by_their_majority(tmp_path: Path) -> None:
     assert kinds(data[1].problems) == ["empty scan"]
 
 
-def test_bin_files_of_nothing_that_is_known_are_refused_with_the_remedy(tmp_path: Path) -> None:
+def test_bin_files_of_unknown_layout_are_refused_with_the_remedy(tmp_path: Path) -> None:
     content = RNG.integers(0, 256, 30_000, np.uint8).tobytes()
     folder = folder_of(tmp_path / "d", content, content)
     with pytest.raises(InputError, match=r"000000\.bin: .*--columns") as error:
@@ -71,7 +71,7 @@ def test_bin_files_of_nothing_that_is_known_are_refused_with_the_remedy(tmp_path
     assert "\n" not in str(error.value)
 
 
-def test_the_user_says_what_the_numbers_are(tmp_path: Path) -> None:
+def test_the_user_states_the_columns(tmp_path: Path) -> None:
     table = np.rec.fromarrays([*XYZ.T, RING.astype("u1"), np.arange(COUNT, dtype="u4")])
     data = open_dataset(folder_of(tmp_path / "d", table.tobytes()), columns="X, Y, Z, ring:u1, t:u4")
     assert data.problems == ()
@@ -86,24 +86,24 @@ def test_the_user_says_what_the_numbers_are(tmp_path: Path) -> None:
     [
         ("x,y,intensity", "x, y and z"),
         ("x,y,z,x", "each name once"),
-        ("x,y,z,t:f5", "'t:f5' is no column"),
-        ("x,y,,z", "'' is no column"),
+        ("x,y,z,t:f5", "'t:f5' is not a column"),
+        ("x,y,,z", "'' is not a column"),
     ],
 )
-def test_columns_that_make_no_sense_are_refused(tmp_path: Path, columns: str, message: str) -> None:
+def test_invalid_columns_are_refused(tmp_path: Path, columns: str, message: str) -> None:
     folder = folder_of(tmp_path / "d", WIDE.astype("<f4").tobytes())
     with pytest.raises(InputError, match="--columns") as error:
         open_dataset(folder, columns=columns)
     assert message in str(error.value)
 
 
-def test_files_that_name_their_columns_need_none(tmp_path: Path) -> None:
+def test_columns_are_refused_for_files_that_name_them(tmp_path: Path) -> None:
     folder = folder_of(tmp_path / "d", b"ply", suffix=".ply")
     with pytest.raises(InputError, match="name their columns"):
         open_dataset(folder, columns="x,y,z")
 
 
-def test_a_data_set_of_its_own_layout_takes_no_columns(tmp_path: Path) -> None:
+def test_columns_are_refused_for_kittis_layout(tmp_path: Path) -> None:
     folder_of(tmp_path / ["sequences", "00", "velodyne"][0])
     (tmp_path / "sequences/00/velodyne").mkdir(parents=True)
     WIDE[:, :4].astype("<f4").tofile(tmp_path / "sequences/00/velodyne/000000.bin")
@@ -111,7 +111,7 @@ def test_a_data_set_of_its_own_layout_takes_no_columns(tmp_path: Path) -> None:
         open_dataset(tmp_path, columns="x,y,z,i")
 
 
-def test_kittis_layout_with_another_number_of_columns(tmp_path: Path) -> None:
+def test_another_number_of_columns_is_recognised_in_kittis_layout(tmp_path: Path) -> None:
     (tmp_path / "sequences/00/velodyne").mkdir(parents=True)
     WIDE[:, :5].astype("<f4").tofile(tmp_path / "sequences/00/velodyne/000000.bin")
     data = open_dataset(tmp_path, "00")
@@ -140,14 +140,14 @@ def test_kittis_layout_with_another_number_of_columns(tmp_path: Path) -> None:
     ],
     ids=lambda array: f"{array.dtype} {array.shape}".replace("[", "").replace("]", ""),
 )
-def test_one_odd_scan_never_ends_a_run(tmp_path: Path, odd: np.ndarray) -> None:
+def test_one_unusable_scan_never_ends_a_run(tmp_path: Path, odd: np.ndarray) -> None:
     data = open_dataset(saved(tmp_path / "d", XYZ, odd, WIDE[:, :4]))
     assert [len(data[position].cloud) for position in range(3)] == [COUNT, 0, COUNT]
     assert data[1].problems
     assert all("000001.npy" in problem.message and "\n" not in problem.message for problem in data[1].problems)
 
 
-def test_coordinates_of_a_map_are_moved_by_the_same_offset_in_all_scans(tmp_path: Path) -> None:
+def test_the_same_offset_is_subtracted_from_all_scans_in_a_map_frame(tmp_path: Path) -> None:
     scans = [XYZ + np.array([457_000 + 3.0 * number, 5_428_000, 115]) for number in range(3)]
     data = open_dataset(saved(tmp_path / "d", *scans))
     assert kinds(data.problems) == ["map coordinates"]

@@ -1,7 +1,7 @@
-"""Times, names and stamps as they come: what users of other programs stumbled over, and their kin, each as it is meant.
+"""Point times, names and stamps that caused errors in other programs or earlier versions are read as intended.
 
-`CASES` is a table: the number in the list of such inputs, or R and that of a finding of a review, or K for kin; what is
-in the files; what became of it before a drive's times were judged as a whole; and what becomes of it now.
+`CASES` is a table: the number (R: found in a review, K: a similar case), the content of the files, the result before
+the times of a sequence were estimated as a whole, and the result now.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Fields = Mapping[str, Array]
 
 
 def scan(fraction: Array, **fields: Array) -> Array:
-    """A scan of a VLP-16 that turns clockwise from the rear, as a structured array."""
+    """A scan of a VLP-16 that rotates clockwise from the rear, as a structured array."""
     sensor, ring = load_sensor("vlp16"), np.arange(len(fraction)) % 16
     azimuth, rho = np.pi - 2 * np.pi * fraction, 10 + 5 * np.sin(20 * fraction)
     columns = {"x": rho * np.cos(azimuth), "y": rho * np.sin(azimuth)}
@@ -45,7 +45,7 @@ def scan(fraction: Array, **fields: Array) -> Array:
 
 
 def write(folder: Path, scans: Iterable[Array], names: Sequence[str] = (), times: str | bytes | None = "") -> None:
-    """Scans as .npy, by default numbered; `times` is times.txt, "" for one of ten scans a second from EPOCH on."""
+    """Scans as .npy, numbered by default; `times` is times.txt, "" for ten scans per second from EPOCH."""
     count = 0
     for count, table in enumerate(scans, 1):
         np.save(folder / f"{names[count - 1] if names else f'{count - 1:06d}'}.npy", table)
@@ -55,7 +55,7 @@ def write(folder: Path, scans: Iterable[Array], names: Sequence[str] = (), times
         (folder / "times.txt").write_bytes(times.encode() if isinstance(times, str) else times)
 
 
-# ---- what has to come of them
+# ---- expected results
 
 
 def timed(
@@ -70,7 +70,7 @@ def timed(
     yaml: str = "",
     **said: str,
 ) -> Check:
-    """Fields `of` each scan, the verdict's words, and the times of scan 2."""
+    """Fields `of` each scan, words of the verdict, and the point times of scan 2."""
 
     def check(folder: Path) -> None:
         stamps = "".join(f"{EPOCH + step * k:.6f}\n" for k in range(SCANS))
@@ -97,14 +97,14 @@ def spoilt(values: Array, stray: float, *places: int) -> Array:
 
 
 def clock(k: int, unit: float = 1.0, offset: float = 0.0) -> Array:
-    """Of scan k, absolute, in a unit: (COUNT,) float64."""
+    """Absolute times of scan k in a unit: (COUNT,) float64."""
     return np.asarray((EPOCH + 0.1 * k + offset + T) / unit)
 
 
 def stamped(
     names: Sequence[str], times: str | bytes | None, expected: Sequence[float], kinds: Sequence[str] = (), **want: Any
 ) -> Check:
-    """Scans of those names beside those times: their stamps from the first on, and the problems of the drive."""
+    """Scans of these names with these times: stamps from the first, and the problems of the sequence."""
 
     def check(folder: Path) -> None:
         write(folder, (scan(FRACTION[:40]) for _ in names), names, times)
@@ -135,7 +135,7 @@ def refused(times: str, *words: str) -> Check:
 
 
 def ringed(spoil: Callable[[Array], Array], kind: str | None, left: int, sensor: str | None = "vlp16") -> Check:
-    """Scan 2's ring field spoilt: the problem that it has, and how many points are left with the right ring."""
+    """The ring field of scan 2 is damaged: its problem, and the number of points left with the right ring."""
 
     def check(folder: Path) -> None:
         ring = (np.arange(COUNT) % 16).astype(np.float32)
@@ -156,7 +156,7 @@ def ringed(spoil: Callable[[Array], Array], kind: str | None, left: int, sensor:
 
 
 def rings_as(kind: str, to_file: Callable[[Array], Array], sensor: str | None) -> Check:
-    """A ring field of another type or order in all scans: every point is on its ring's line."""
+    """A ring field of another type or order in all scans: every point lies on the line of its ring."""
 
     def check(folder: Path) -> None:
         ring = to_file(np.arange(COUNT) % 16).astype(kind)
@@ -169,7 +169,7 @@ def rings_as(kind: str, to_file: Callable[[Array], Array], sensor: str | None) -
 
 
 def bright(first: Array, later: Array, expected: float) -> Check:
-    """Scans whose intensities are `first`, but `later` from the last on: its mean."""
+    """Scans with intensities `first`, the last with `later`: mean intensity of the last."""
 
     def check(folder: Path) -> None:
         values = [first] * 9 + [later]
@@ -180,7 +180,7 @@ def bright(first: Array, later: Array, expected: float) -> Check:
 
 
 def raw(missing: Sequence[int], blank: bool, without: Sequence[str] = ()) -> Check:
-    """KITTI raw, ten scans of which some are missing, their lines blank: stamps, and the truth at them."""
+    """KITTI raw, ten scans, some missing, perhaps with blank lines: stamps, and the ground truth at them."""
 
     def check(folder: Path) -> None:
         drive = folder / "2011_09_26_drive_0009_sync"
@@ -213,7 +213,7 @@ def raw(missing: Sequence[int], blank: bool, without: Sequence[str] = ()) -> Che
 
 
 def odd_files(*names: str) -> Check:
-    """Files beside three scans that are none."""
+    """Files beside three scans that are not scans."""
 
     def check(folder: Path) -> None:
         write(folder, (scan(FRACTION[:40]) for _ in range(3)))
@@ -226,7 +226,7 @@ def odd_files(*names: str) -> Check:
 
 
 def without_times(folder: Path) -> None:
-    """A sensor that turns twice as fast, its points with times, the scans without any."""
+    """A sensor that rotates twice as fast: point times, but no stamps."""
     write(folder, (scan(FRACTION, t=(T / 2 * 1e9).astype(np.uint32)) for _ in range(SCANS)), times=None)
     data = open_dataset(folder)
     assert [problem.kind for problem in data.problems] == ["no time stamps"]
@@ -235,7 +235,7 @@ def without_times(folder: Path) -> None:
 
 
 def clock_without_times(folder: Path) -> None:
-    """Only the points have a clock, and every other scan is left out."""
+    """Absolute point times without stamps, every other scan left out."""
     write(folder, (scan(FRACTION, timestamp=clock(2 * k)) for k in range(SCANS)), times=None)
     data = open_dataset(folder)
     np.testing.assert_allclose(np.diff(data.stamps), 0.2, atol=1e-6)
@@ -251,7 +251,7 @@ def wrong_field(folder: Path) -> None:
 
 
 def one_scan_without(folder: Path) -> None:
-    """Half of one scan's times are gone."""
+    """Half of the point times of one scan are NaN."""
     times = [spoilt(T, np.nan, *range(COUNT // 2 + 1)) if k == 2 else T for k in range(SCANS)]
     write(folder, (scan(FRACTION, t=time) for time in times))
     frame = open_dataset(folder)[2]
@@ -259,7 +259,7 @@ def one_scan_without(folder: Path) -> None:
 
 
 def column_major(folder: Path) -> None:
-    """16 points at a time, as an organised cloud has them, and the same ring after ring."""
+    """16 points per instant, as in an organised cloud, and the same stored ring by ring."""
     time = np.repeat(0.1 * np.arange(100) / 100, 16).astype(np.float32)
     for place, order in (("columns", np.arange(COUNT)), ("rings", np.argsort(np.arange(COUNT) % 16, kind="stable"))):
         (folder / place).mkdir()
@@ -284,7 +284,7 @@ def nonsense_rings(folder: Path) -> None:
 
 
 def relative_to(instant: float, **said: str) -> Check:
-    """ns from the start of the sweep, and a stamp that is said to be of another instant: there is 0."""
+    """ns from the start of the sweep, and a stamp stated at another instant: the time 0 is there."""
     return timed(
         lambda _: {"t": (1e9 * T).astype(np.uint32)}, f"stamp = {said['stamp']}", T - 0.1 * instant, **said
     )  # fmt: skip
@@ -308,23 +308,27 @@ TENTHS = [0.1 * k for k in range(12)]
 UNEVEN = [EPOCH + 0.1 * k + 0.00162 for k in range(12)]
 
 CASES = [
-    Case("18", "half a turn, 0 to 50 ms of 100", "stretched to a whole sweep", "0 to 50 ms of a 100 ms sweep",
+    Case("18", "points of half a turn: times from 0 to 50 ms in a sweep of 100 ms", "stretched to a whole sweep",
+         "0 to 50 ms of a 100 ms sweep",
          timed(lambda _: {"time": (T / 2).astype("f4")}, "50 ms of a 100 ms sweep", T / 2, fraction=HALF)),
-    Case("19a", "one absolute time is 0", "all others one instant", "takes the time of the points beside it",
+    Case("19a", "one absolute time is 0", "all other points at one instant",
+         "time interpolated between the neighbouring points",
          timed(lambda k: {"timestamp": spoilt(clock(k), 0, 7)}, "s, absolute", spoilt(T, (T[6] + T[8]) / 2, 7),
                odd=["stray point times"])),
-    Case("19b", "some relative times are 3.6 s", "all others near 0", "take the times of the points beside them",
+    Case("19b", "some relative times are 3.6 s", "all other times near 0",
+         "times interpolated between the neighbouring points",
          timed(lambda _: {"time": spoilt(T, 3.6, 7, 90).astype("f4")}, "s, relative",
                spoilt(spoilt(T, (T[6] + T[8]) / 2, 7), (T[89] + T[91]) / 2, 90), odd=["stray point times"])),
-    Case("19c", "times of lost packets are 0", "seen at the start", "take the times of the points beside them",
+    Case("19c", "times of lost packets are 0", "points placed at the start",
+         "times interpolated between the neighbouring points",
          timed(lambda _: {"t": spoilt(1e9 * T, 0, *range(600, 640)).astype(np.uint32)}, "ns, relative",
                np.interp(np.arange(COUNT), np.delete(np.arange(COUNT), slice(600, 640)),
                          np.delete(T, slice(600, 640))), odd=["stray point times"])),
-    Case("21a", "epoch seconds in float32", "no times, silent", "no times, and why",
+    Case("21a", "seconds since 1970 in float32", "no times, no message", "no times, and the reason",
          timed(lambda k: {"time": clock(k).astype("f4")}, "none (time is", None)),
-    Case("21b", "t is always 0, timestamp is good", "no times, silent", "field timestamp",
+    Case("21b", "field t is always 0, field timestamp is valid", "no times, no message", "field timestamp is used",
          timed(lambda k: {"t": np.zeros(COUNT, np.uint32), "timestamp": clock(k)}, "field timestamp, s, absolute", T)),
-    Case("21c", "other names of the field", "no times, silent", "found",
+    Case("21c", "other names of the time field", "no times, no message", "recognised",
          timed(lambda _: {"offset_times": (1e9 * T).astype(np.uint32)}, "field offset_times, ns", T)),
     Case("22", "absolute seconds (Hesai, RoboSense)", "right", "right, on the clock of the stamps",
          timed(lambda k: {"timestamp": clock(k)}, "field timestamp, s, absolute, 0 to 100 ms", T)),
@@ -335,169 +339,180 @@ CASES = [
                "ns, absolute", T)),
     Case("23c", "Livox: offset_time, ns as uint32", "right", "right",
          timed(lambda _: {"offset_time": (1e9 * T).astype(np.uint32)}, "field offset_time, ns, relative", T)),
-    Case("24", "times before the stamp (Velodyne)", "deskewed, the pose at mid-sweep", "stamp = end",
+    Case("24", "times before the stamp (Velodyne)", "deskewed, but the pose refers to mid-sweep", "stamp = end",
          timed(lambda _: {"time": (T - 0.1).astype("f4")}, "stamp = end", T - 0.1)),
-    Case("25a", "a stamp of the start", "could not be said", "stamp = start", relative_to(0, stamp="start")),
-    Case("25b", "a stamp of the middle", "could not be said", "stamp = middle", relative_to(0.5, stamp="middle")),
-    Case("25c", "a stamp of the end", "could not be said", "stamp = end", relative_to(1, stamp="end")),
-    Case("25d", "sensor.yaml says field, unit and stamp", "could not be said", "as said",
+    Case("25a", "stamp at the start of the sweep", "could not be stated", "stamp = start",
+         relative_to(0, stamp="start")),
+    Case("25b", "stamp in the middle of the sweep", "could not be stated", "stamp = middle",
+         relative_to(0.5, stamp="middle")),
+    Case("25c", "stamp at the end of the sweep", "could not be stated", "stamp = end", relative_to(1, stamp="end")),
+    Case("25d", "sensor.yaml states field, unit and stamp", "could not be stated", "as stated",
          timed(lambda _: {"t": np.sin(FRACTION), "dt": 1e3 * T}, "field dt, ms, relative", T - 0.1,
                yaml="time_field: dt:ms\nstamp: end\nfull_intensity: 255\n")),
-    Case("25e", "an absolute clock before the stamps", "the pose at mid-sweep", "stamp = end",
+    Case("25e", "absolute point times before the stamp", "the pose refers to mid-sweep", "stamp = end",
          timed(lambda k: {"timestamp": clock(k, offset=-0.1)}, "stamp = end", T - 0.1)),
-    Case("27", "all times equal", "no times, silent", "no times, and why",
+    Case("27", "all times are equal", "no times, no message", "no times, and the reason",
          timed(lambda _: {"t": np.full(COUNT, 7.0)}, "none (t is the same for all points", None)),
-    Case("28", "no field for times", "no times, silent", "no times, and why",
-         timed(lambda _: {}, "none (no field", None)),
+    Case("28", "no time field", "no times, no message", "no times, and the reason",
+         timed(lambda _: {}, "none (no time field", None)),
     Case("29a", "ring as uint8", "right", "right", rings_as("u1", lambda ring: ring, "vlp16")),
-    Case("29b", "ring as int32, from the bottom", "judged by each scan", "turned, once a drive",
+    Case("29b", "ring as int32, counted from the bottom", "decided per scan", "reversed, decided once per sequence",
          rings_as("i4", lambda ring: 15 - ring, None)),
     Case("29c", "ring as float32", "right", "right", rings_as("f4", lambda ring: ring, None)),
-    Case("29d", "one ring 65535", "the run ended", "the point is left out, and told",
+    Case("29d", "one ring is 65535", "the run ended", "the point is left out and reported",
          ringed(lambda ring: spoilt(ring, 65535, 3), "ring unknown", COUNT - 1)),
-    Case("29e", "one ring -1", "the run ended", "the point is left out, and told",
+    Case("29e", "one ring is -1", "the run ended", "the point is left out and reported",
          ringed(lambda ring: spoilt(ring, -1, 3), "ring unknown", COUNT - 1)),
-    Case("29f", "one ring NaN", "the run ended", "the point is left out, and told",
+    Case("29f", "one ring is NaN", "the run ended", "the point is left out and reported",
          ringed(lambda ring: spoilt(ring, np.nan, 3), "ring unknown", COUNT - 1)),
-    Case("29g", "a scan with nothing but wrong rings", "the run ended", "the laser lines tell, and it is told",
+    Case("29g", "a scan with invalid rings only", "the run ended", "rings from the laser lines, reported",
          ringed(lambda ring: ring + 100, "ring unknown", COUNT)),
-    Case("29h", "the same of an unknown sensor", "the run ended", "the scan has none, and it is told",
-         ringed(lambda ring: ring + 100, "ring unknown", 0, None)),
-    Case("29i", "rings of another sensor", "ended at the scan", "refused at once", wrong_rings),
-    Case("29j", "rings that no sensor has", "the run ended", "runs without rings, and it is told", nonsense_rings),
-    Case("30", "a folder's scans have no times", "none guessed", "none guessed, and said",
+    Case("29h", "a scan with invalid rings only, of an unknown sensor", "the run ended",
+         "no rings for this scan, reported", ringed(lambda ring: ring + 100, "ring unknown", 0, None)),
+    Case("29i", "rings of another sensor", "the run ended at the scan", "refused before the run", wrong_rings),
+    Case("29j", "rings that no sensor has", "the run ended", "a run without rings, reported", nonsense_rings),
+    Case("30", "the scans of a folder have no times", "not estimated", "not estimated, and reported",
          timed(lambda _: {}, "point times: none", None)),
-    Case("31a", "names are ns, a good times.txt", "a sweep of 1e-9 s", "the times of times.txt",
+    Case("31a", "names in ns, with a valid times.txt", "a sweep of 1e-9 s", "stamps of times.txt",
          stamped([f"{EPOCH * 10**9 + k * 10**8}" for k in range(12)], "".join(f"{t:.1f}\n" for t in E0), TENTHS)),
-    Case("31b", "names are ns", "10 Hz assumed", "the names are the stamps",
+    Case("31b", "names in ns", "10 Hz assumed", "the names are the stamps",
          stamped([f"{EPOCH * 10**9 + k * 10**8}" for k in range(12)], None, TENTHS, said="the scans' names, ns")),
-    Case("31c", "names are us (NCLT, Boreas)", "10 Hz assumed", "the names are the stamps",
+    Case("31c", "names in us (NCLT, Boreas)", "10 Hz assumed", "the names are the stamps",
          stamped([f"{EPOCH * 10**6 + k * 10**5}" for k in range(12)], None, TENTHS, said="the scans' names, us")),
-    Case("31d", "names are ns from 0 on", "10 Hz assumed", "the names are the stamps",
+    Case("31d", "names in ns, from 0", "10 Hz assumed", "the names are the stamps",
          stamped([f"{k * 10**8}" for k in range(12)], None, TENTHS, said="the scans' names, ns")),
-    Case("32a", "1.npy to 12.npy, not padded", "order right", "order right",
+    Case("32a", "1.npy to 12.npy, not zero-padded", "right order", "right order",
          stamped([f"{k}" for k in range(1, 13)], None, TENTHS, ["no time stamps"],
                  order=[f"{k}" for k in range(1, 13)])),
-    Case("32b", "from 1 on, 3 missing, times of all", "refused", "by their numbers",
+    Case("32b", "numbers from 1, scan 3 missing, times for all numbers", "refused", "assigned by number",
          stamped(["1", "2", "4", "5"], "0\n0.1\n0.2\n0.3\n0.4\n", [0, 0.1, 0.3, 0.4], ["gap in numbering"])),
-    Case("33a", "KITTI raw, blank lines where scans are missing", "stamps 4 rows off", "right",
+    Case("33a", "KITTI raw with blank lines for missing scans", "stamps 4 rows off", "right",
          raw([3, 4, 5, 6], blank=True)),
-    Case("33b", "KITTI raw, no lines blank", "right", "right", raw([3, 4, 5, 6], blank=False)),
-    Case("33c", "KITTI raw without timestamps.txt", "refused", "10 Hz assumed, and said",
+    Case("33b", "KITTI raw without blank lines", "right", "right", raw([3, 4, 5, 6], blank=False)),
+    Case("33c", "KITTI raw without timestamps.txt", "refused", "10 Hz assumed, and reported",
          raw([3], blank=False, without=["velodyne_points/timestamps.txt"])),
-    Case("33d", "KITTI raw without the packets' times", "refused", "the packets' numbers tell",
+    Case("33d", "KITTI raw without the packets' timestamps.txt", "refused", "assigned by the numbers of the packets",
          raw([3], blank=False, without=["oxts/timestamps.txt"])),
-    Case("33e", "a folder, blank lines where scans are missing", "stamps off", "right",
+    Case("33e", "a folder with blank lines for missing scans", "stamps off", "right",
          stamped(["0", "1", "4", "5"], "0\n0.1\n\n\n0.4\n0.5\n", [0, 0.1, 0.4, 0.5], ["gap in numbering"])),
-    Case("34a", "a stamp twice", "refused", "put between the others, and told",
+    Case("34a", "a repeated stamp", "refused", "interpolated, and reported",
          stamped(numbered(5), "0\n.1\n.1\n.3\n.4\n", TENTHS[:5], ["mended stamps"])),
-    Case("34b", "a stamp backward", "refused", "put between the others, and told",
+    Case("34b", "a stamp that runs backward", "refused", "interpolated, and reported",
          stamped(numbered(5), "0\n.1\n.05\n.3\n.4\n", TENTHS[:5], ["mended stamps"])),
-    Case("34c", "one stamp far ahead", "refused", "put between the others, and told",
+    Case("34c", "one stamp far ahead", "refused", "interpolated, and reported",
          stamped(numbered(5), "0\n.1\n99\n.3\n.4\n", TENTHS[:5], ["mended stamps"])),
-    Case("34d", "the clock set back", "refused", "goes on one step later, and told",
+    Case("34d", "the clock was set back", "refused", "continued after one usual step, and reported",
          stamped(numbered(6), "9\n9.1\n9.2\n0\n.1\n.2\n", TENTHS[:6], ["mended stamps"])),
-    Case("34e", "all stamps 0", "refused", "10 Hz assumed, and said",
+    Case("34e", "all stamps are 0", "refused", "10 Hz assumed, and reported",
          stamped(numbered(4), "0\n0\n0\n0\n", TENTHS[:4], ["no time stamps"])),
-    Case("34f", "a header and file names (EuRoC)", "refused", "right",
+    Case("34f", "a header, and file names (EuRoC)", "refused", "right",
          stamped(["a1", "b2", "c3"], "#timestamp [ns],filename\n" + "".join(
              f"{EPOCH * 10**9 + k * 10**8},{name}.npy\n" for k, name in ((2, "c3"), (0, "a1"), (1, "b2"))),
              TENTHS[:3])),
-    Case("34g", "a byte order mark, CRLF, a header", "refused", "right",
+    Case("34g", "a byte order mark, CRLF and a header", "refused", "right",
          stamped(numbered(3), b"\xef\xbb\xbftime\r\n0\r\n0.1\r\n0.2\r\n", TENTHS[:3])),
-    Case("34h", "number and time in two columns", "refused", "right",
+    Case("34h", "columns of number and time", "refused", "right",
          stamped(numbered(3), "0 5.0\n1 5.1\n2 5.2\n", TENTHS[:3])),
-    Case("34i", "seconds and nanoseconds in two columns", "refused", "right",
+    Case("34i", "columns of seconds and nanoseconds", "refused", "right",
          stamped(numbered(3), "".join(f"{EPOCH},{k * 10**8 + 5000}\n" for k in range(3)), TENTHS[:3])),
     Case("34j", "decimal commas", "refused", "right", stamped(numbered(3), "0,0\n0,1\n0,2\n", TENTHS[:3])),
-    Case("34k", "decimal commas, semicolons", "refused", "right",
+    Case("34k", "decimal commas and semicolons", "refused", "right",
          stamped(numbered(3), "n;t\n0;0,00\n1;0,10\n2;0,20\n", TENTHS[:3])),
-    Case("34l", "ns", "refused", "right",
+    Case("34l", "stamps in ns", "refused", "right",
          stamped(numbered(3), "".join(f"{EPOCH * 10**9 + k * 10**8}\n" for k in range(3)), TENTHS[:3],
                  said="times.txt, ns")),
-    Case("34m", "ms from 0 on", "refused", "right", stamped(numbered(3), "0\n100\n200\n", TENTHS[:3])),
+    Case("34m", "stamps in ms, from 0", "refused", "right", stamped(numbered(3), "0\n100\n200\n", TENTHS[:3])),
     Case("34n", "dates", "refused", "right",
          stamped(numbered(3), "".join(f"2024-01-01 12:00:0{k}.5\n" for k in range(3)), [0, 1, 2])),
-    Case("34o", "a line of rubbish among others", "refused", "put between the others, and told",
+    Case("34o", "one line that is not a number", "refused", "interpolated, and reported",
          stamped(numbered(4), "0\n?\n.2\n.3\n", TENTHS[:4], ["mended stamps"])),
     Case("34p", "fewer times than scans", "refused", "refused", refused("0\n1\n", "2 rows for 3 scans")),
-    Case("34q", "words", "refused", "refused", refused("a\nb\nc\n", "one number a line")),
+    Case("34q", "words in place of times", "refused", "refused", refused("a\nb\nc\n", "one number per line")),
     Case("34r", "UTF-16, as Windows writes it", "refused", "right",
          stamped(numbered(3), "0\n0.1\n0.2\n".encode("utf-16"), TENTHS[:3])),
-    Case("34s", "empty lines between all", "right", "right", stamped(numbered(3), "0\n\n0.1\n\n0.2\n", TENTHS[:3])),
-    Case("R4a", "a third of a turn, ahead", "stretched to a whole sweep", "33 to 67 ms of a 100 ms sweep",
+    Case("34s", "empty lines between all lines", "right", "right",
+         stamped(numbered(3), "0\n\n0.1\n\n0.2\n", TENTHS[:3])),
+    Case("R4a", "points of a third of a turn, ahead", "stretched to a whole sweep", "33 to 67 ms of a 100 ms sweep",
          timed(lambda _: {"time": (0.1 * (1 + FRACTION) / 3).astype("f4")}, "66.7 ms of a 100 ms sweep",
                0.1 * (1 + FRACTION) / 3, fraction=(1 + FRACTION) / 3)),
-    Case("R4b", "every 2nd scan kept and renumbered", "stretched to 200 ms", "0 to 100 ms of a 100 ms sweep",
+    Case("R4b", "every second scan kept and renumbered", "stretched to 200 ms", "0 to 100 ms of a 100 ms sweep",
          timed(lambda _: {"t": (1e9 * T).astype(np.uint32)}, "100 ms of a 100 ms sweep", T, step=0.2)),
-    Case("R4c", "one time is NaN", "that scan had none, silent", "takes the time of the points beside it",
+    Case("R4c", "one time is NaN", "no times for the scan, no message",
+         "time interpolated between the neighbouring points",
          timed(lambda _: {"time": spoilt(T, np.nan, 7).astype("f4")}, "s, relative", spoilt(T, (T[6] + T[8]) / 2, 7),
                odd=["stray point times"])),
-    Case("R4d", "half of a scan's times are NaN", "that scan had none, silent", "none, and told", one_scan_without),
-    Case("R8", "the map of a run among the scans", "taken for a scan", "left out", odd_files("map.pcd")),
-    Case("R9", "seconds with fewer digits now and then", "one scan in ten out of order", "in order, and the stamps",
+    Case("R4d", "half of a scan's times are NaN", "no times for the scan, no message", "no times, and reported",
+         one_scan_without),
+    Case("R8", "the map of a run among the scans", "read as a scan", "left out", odd_files("map.pcd")),
+    Case("R9", "seconds with fewer digits in some names", "one scan in ten out of order",
+         "in order, and the names are the stamps",
          stamped([f"{t}" for t in UNEVEN], None, TENTHS, order=[f"{t}" for t in UNEVEN])),
-    Case("R10", "lasers in the order in which they fire", "13 % of the rings right", "all right, by the laser lines",
+    Case("R10", "lasers numbered in firing order", "13 % of the rings right", "all right, by the laser lines",
          rings_as("u1", lambda ring: np.argsort(np.r_[0:16:2, 1:16:2])[ring], "vlp16")),
-    Case("R10b", "rings from 1 on (Hesai)", "the run ended", "right", rings_as("u2", lambda ring: ring + 1, "vlp16")),
-    Case("R19a", "a dark scan of a 0 to 255 sensor", "six times brighter", "by the scale of the drive",
+    Case("R10b", "rings from 1 (Hesai)", "the run ended", "right", rings_as("u2", lambda ring: ring + 1, "vlp16")),
+    Case("R19a", "a dark scan of a sensor with intensities 0 to 255", "six times brighter", "scaled as the sequence",
          bright(np.full(40, 200, "f4"), np.full(40, 0.7, "f4"), 0.7 / 255)),
-    Case("R19b", "uint8", "a dark scan brighter", "255 is full",
+    Case("R19b", "intensity as uint8", "a dark scan brighter", "255 is full intensity",
          bright(np.full(40, 1, "u1"), np.full(40, 51, "u1"), 0.2)),
-    Case("R19c", "16 bits (Ouster's signal)", "most points full", "by the brightest of the first scans",
+    Case("R19c", "16-bit intensity (Ouster's signal)", "most points at full intensity",
+         "scaled by the brightest points of the first scans",
          bright(np.linspace(0, 4000, 40).astype("u2"), np.full(40, 1980, "u2"), 0.5)),
-    Case("R19d", "0 to 1", "right", "right", bright(np.full(40, 0.9, "f4"), np.full(40, 0.3, "f4"), 0.3)),
-    Case("R20", "macOS's companions of files", "taken for scans", "left out",
+    Case("R19d", "intensity 0 to 1", "right", "right", bright(np.full(40, 0.9, "f4"), np.full(40, 0.3, "f4"), 0.3)),
+    Case("R20", "macOS's companion files", "read as scans", "left out",
          odd_files("._000000.npy", "._000001.npy", ".000002.npy")),
-    Case("K1", "us", "right", "right", timed(lambda _: {"t": (1e6 * T).astype(np.uint32)}, "us, relative", T,
-                                             tolerance=2e-6)),
-    Case("K2", "ms", "right", "right", timed(lambda _: {"time": (1e3 * T).astype("f4")}, "ms, relative", T)),
-    Case("K3", "shares of the sweep, 0 to 1", "right", "of a sweep of 100 ms",
+    Case("K1", "times in us", "right", "right",
+         timed(lambda _: {"t": (1e6 * T).astype(np.uint32)}, "us, relative", T,
+               tolerance=2e-6)),
+    Case("K2", "times in ms", "right", "right", timed(lambda _: {"time": (1e3 * T).astype("f4")}, "ms, relative", T)),
+    Case("K3", "times as shares of the sweep, 0 to 1", "right", "shares of a sweep of 100 ms",
          timed(lambda _: {"time": FRACTION.astype("f4")}, "sweep, relative", T)),
-    Case("K4", "absolute us", "right", "right", timed(lambda k: {"timestamp": clock(k, 1e-6)}, "us, absolute", T)),
-    Case("K5", "a clock that began with the sensor", "right", "each scan from its first point on",
+    Case("K4", "absolute times in us", "right", "right",
+         timed(lambda k: {"timestamp": clock(k, 1e-6)}, "us, absolute", T)),
+    Case("K5", "a clock that starts with the sensor", "right", "relative to the first point of each scan",
          timed(lambda k: {"t": ((12345 + 0.1 * k + T) * 1e9).astype(np.uint64)}, "ns, absolute", T - T[0])),
-    Case("K5b", "us of the hour (Velodyne)", "right", "each scan from its first point on",
+    Case("K5b", "us of the hour (Velodyne)", "right", "relative to the first point of each scan",
          timed(lambda k: {"time": (2_000_000_000 + 1e5 * k + 1e6 * T).astype(np.uint32)}, "us, absolute", T - T[0],
                tolerance=2e-6)),
     Case("K6", "organised clouds, by columns and by rows", "right", "right", column_major),
-    Case("K7", "half a turn, before the stamp", "stretched", "stamp = end",
+    Case("K7", "points of half a turn, before the stamp", "stretched to a whole sweep", "stamp = end",
          timed(lambda _: {"time": (T / 2 - 0.05).astype("f4")}, "stamp = end", T / 2 - 0.05, fraction=HALF)),
-    Case("K8", "no times.txt, points of 50 ms", "10 Hz assumed", "20 Hz, as the points have it", without_times),
-    Case("K9", "no times.txt, points with a clock", "10 Hz assumed", "5 Hz, as the clock has it", clock_without_times),
-    Case("K10", "a field that is not there", "could not be said", "refused, with those that are", wrong_field),
-    Case("K11", "packets: 75 times in a scan", "right", "right",
+    Case("K8", "no times.txt, points that span 50 ms", "10 Hz assumed", "20 Hz, by the points", without_times),
+    Case("K9", "no times.txt, points with absolute times", "10 Hz assumed", "5 Hz, by the absolute times",
+         clock_without_times),
+    Case("K10", "a stated field that does not exist", "could not be stated", "refused; the existing fields are listed",
+         wrong_field),
+    Case("K11", "packets: 75 different times in a scan", "right", "right",
          timed(lambda _: {"time": (np.floor(75 * FRACTION) / 750).astype("f4")}, "s, relative",
                np.floor(75 * FRACTION) / 750)),
-    Case("K12", "sec_nsec", "10 Hz assumed", "the names are the stamps",
+    Case("K12", "names sec_nsec", "10 Hz assumed", "the names are the stamps",
          stamped([f"cloud_{EPOCH}_{k * 10**8 % 10**9:09d}" for k in range(10)], None, TENTHS[:10])),
-    Case("K13", "sec_nsec, not padded", "out of order", "in order, and the stamps",
+    Case("K13", "names sec_nsec, not zero-padded", "out of order", "in order, and the names are the stamps",
          stamped([f"cloud_{EPOCH}_{k * 10**8 + 1620000}" for k in range(10)], None, TENTHS[:10])),
-    Case("K14", "sec.nsec, not padded", "10 Hz assumed", "in order, and the stamps",
+    Case("K14", "names sec.nsec, not zero-padded", "10 Hz assumed", "in order, and the names are the stamps",
          stamped([f"{EPOCH}.{k * 10**8 + 1620000}" for k in range(10)], None, TENTHS[:10])),
     Case("K15", "dates in names", "10 Hz assumed", "the names are the stamps",
          stamped([f"2024-01-01-12-00-0{k}" for k in range(5)], None, [0, 1, 2, 3, 4])),
-    Case("K16", "a number behind the one that counts", "no gap seen", "the gap is told",
+    Case("K16", "a constant number after the frame number", "gap not detected", "the gap is reported",
          stamped([f"{k:04d}_lidar0" for k in (0, 1, 2, 5)], None, [0, 0.1, 0.2, 0.5],
                  ["gap in numbering", "no time stamps"])),
-    Case("K17", "versions in names", "right", "right",
+    Case("K17", "version numbers in names", "right", "right",
          stamped([f"run1.{k}" for k in range(1, 12)], None, TENTHS[:11], ["no time stamps"],
                  order=[f"run1.{k}" for k in range(1, 12)])),
-    Case("K18", "all times.txt 0, names are ns", "refused", "the names are the stamps",
+    Case("K18", "times.txt of zeros, names in ns", "refused", "the names are the stamps",
          stamped([f"{EPOCH * 10**9 + k * 10**8}" for k in range(4)], "0\n0\n0\n0\n", TENTHS[:4])),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.number)
-def test_times_names_and_stamps_are_read_as_they_are_meant(case: Case, tmp_path: Path) -> None:
+def test_times_names_and_stamps_are_read_as_intended(case: Case, tmp_path: Path) -> None:
     case.check(tmp_path)
 
 
-def test_the_numbers_of_the_cases_are_their_own() -> None:
+def test_case_numbers_are_unique() -> None:
     assert len({case.number for case in CASES}) == len(CASES)
 
 
-def test_a_dataset_knows_where_its_stamps_are_from(tmp_path: Path) -> None:
+def test_a_dataset_states_the_source_of_its_stamps(tmp_path: Path) -> None:
     write(tmp_path, (scan(FRACTION[:40]) for _ in range(3)))
     data: Dataset = open_dataset(tmp_path)
     assert data.stamps_from == "times.txt, s"  # type: ignore[attr-defined]

@@ -1,6 +1,6 @@
-"""Inputs that users of such tools stumbled over: truth, poses, images, and what may be lost.
+"""Inputs that caused errors in similar tools or earlier versions: ground truth, poses, images and interrupted runs.
 
-Each case says what lidarlift did with it before, and what it does now; `play` holds it to that.
+Each case states the result of earlier versions and the result now, which `play` checks.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from slam.run import Run
 
 SCANS, START = 300, 1.7e9
 STAMPS = START + 0.1 * np.arange(SCANS)
-#: T_world_lidar: half a metre a scan along x, in bends.
+#: T_world_lidar: half a metre per scan along x, in bends.
 POSES = np.array([se3.exp(np.array([0, 0, 0.3 * np.sin(k / 40), 0, 0, 0])) for k in range(SCANS)])
 POSES[1:, :2, 3] = np.cumsum(0.5 * POSES[:-1, :2, 0], axis=0)
-#: The axes of camera 0 (x right, y down, z forward) in the LiDAR's, and a lever arm.
+#: Rotation to the axes of camera 0 (x right, y down, z forward), and a lever arm.
 T_CAMERA_LIDAR = np.array([[0, -1, 0, 0.1], [0, 0, -1, -0.2], [1, 0, 0, -0.3], [0, 0, 0, 1.0]])
 CALIBRATION = """K: [[700, 0, 600], [0, 700, 180], [0, 0, 1]]
 T_camera_lidar: [[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]
@@ -47,14 +47,14 @@ T_camera_lidar: [[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]
 
 @dataclass(frozen=True)
 class Bench:
-    """What a case may use.
+    """Fixtures of a case.
 
     Attributes:
-        folder: A drive of SCANS scans of three points each, with times.txt.
+        folder: A sequence of SCANS scans of three points each, with times.txt.
         lidarlift: The command, in this process.
-        street: Writes the short drive in KITTI's layout.
-        street_poses: Its true poses.
-        street_scans: Its scans, (N, 4) float32.
+        street: Writes the short sequence in KITTI's layout.
+        street_poses: True poses of this sequence.
+        street_scans: Scans of this sequence, (N, 4) float32.
     """
 
     folder: Path
@@ -75,11 +75,11 @@ class Case:
     """One input.
 
     Attributes:
-        number: Of the list of inputs (41), of its kin (41b), or of the review's finding (R12).
-        title: What is odd about it.
-        before: What happened.
-        now: What happens.
-        play: Makes it and checks what happens.
+        number: Number of the input (41), of a similar one (41b), or of a finding of a review (R12).
+        title: Property of the input.
+        before: Result of earlier versions.
+        now: Result.
+        play: Writes the input and checks the result.
     """
 
     number: str
@@ -92,7 +92,7 @@ class Case:
         return f"{self.number} {self.title}".replace(" ", "-")
 
 
-# -- truth ---------------------------------------------------------------------------------------------------------
+# -- ground truth -----------------------------------------------------------------------------------------------
 
 
 def rows(order: str = "xyzw", stamps: Array = STAMPS, poses: Array = POSES) -> Array:
@@ -106,7 +106,7 @@ def text(table: Array, comma: str = " ") -> list[str]:
 
 
 def truth(*kinds: str, known: Array | slice = slice(None), poses: Array = POSES) -> Callable[[Dataset], None]:
-    """Checks that just the scans `known` have the truth `poses`, and that the data set has problems of these kinds."""
+    """Check that exactly the scans `known` have the ground truth `poses`, and that the problems are of these kinds."""
 
     def check(data: Dataset) -> None:
         assert [problem.kind for problem in data.problems] == list(kinds)
@@ -133,7 +133,7 @@ def no_truth(*kinds: str) -> Callable[[Dataset], None]:
 def opened(
     lines: Sequence[str], check: Callable[[Dataset], None], sensor: str | None = None
 ) -> Callable[[Bench], None]:
-    """The drive with these lines as its poses.txt."""
+    """Open the sequence with these lines as poses.txt."""
 
     def play(bench: Bench) -> None:
         bench.poses(*lines)
@@ -185,7 +185,7 @@ def nanoseconds() -> list[str]:
 
 
 def numbered(columns: int) -> list[str]:
-    """KITTI-360's: the frame's number first, and only of every fifth frame from the tenth on."""
+    """KITTI-360's format: the frame number first; every fifth frame from the tenth."""
     full = POSES.reshape(-1, 16)[:, : columns - 1]
     return [" ".join([str(k), *map(str, full[k])]) for k in range(10, SCANS, 5)]
 
@@ -203,68 +203,68 @@ LINE = np.tile(np.eye(4), (SCANS, 1, 1))
 LINE[:, 0, 3] = np.arange(SCANS)
 
 TRUTH = [
-    Case("41", "TUM with commas", "refused", "is read", opened(text(rows(), ","), truth())),
+    Case("41", "TUM with commas", "refused", "read", opened(text(rows(), ","), truth())),
     Case(
         "41b",
         "TUM with a header without #",
         "refused",
-        "is read",
+        "read",
         opened(["timestamp tx ty tz qx qy qz qw", *text(rows())], truth()),
     ),
     Case(
         "41c",
         "EuRoC's csv: ns, w first, 17 columns",
         "refused",
-        "is read by the names in its header",
+        "read by the names in the header",
         opened(euroc(), truth()),
     ),
     Case(
         "41d",
         "rows of NaN",
         "refused",
-        "have no truth, which is said",
+        "no ground truth for these scans, and reported",
         opened(text(changed(rows(), slice(3, 5), np.nan, slice(1, 8))), truth("unknown pose", known=without(3, 4))),
     ),
     Case(
         "41e",
-        "rows with a quaternion of zeros",
+        "quaternions of zeros",
         "refused",
-        "have no truth, which is said",
+        "no ground truth for these scans, and reported",
         opened(text(changed(rows(), 7, 0, slice(4, 8))), truth("unknown pose", known=without(7))),
     ),
     Case(
         "41f",
-        "a stamp twice",
+        "a repeated stamp",
         "refused",
-        "the first is taken, which is said",
+        "the first row is used, and reported",
         opened(text(rows()[[*range(6), 5, *range(6, SCANS)]]), truth("unsorted truth")),
     ),
     Case(
         "41g",
         "quaternions with w first",
-        "accepted in silence, every rotation wrong",
-        "are told by the motion, which is said",
+        "accepted without a message, every rotation wrong",
+        "order estimated from the motion, and reported",
         opened(text(rows("wxyz")), truth("order of quaternions")),
     ),
     Case(
         "41h",
-        "quaternions with w first, and the key says so",
+        "quaternions with w first, stated in sensor.yaml",
         "no such key",
-        "are read so",
+        "read as stated",
         opened(text(rows("wxyz")), truth(), "quaternion: wxyz\n"),
     ),
     Case(
         "41i",
         "a header that names w first",
         "refused",
-        "is believed",
+        "read as the header states",
         opened(["# stamp tx ty tz qw qx qy qz", *text(rows("wxyz"))], truth()),
     ),
     Case(
         "41j",
-        "w first and too few poses to tell",
-        "accepted in silence",
-        "no truth before the odometry has told, and a key is named",
+        "w first, and too few poses for an estimate",
+        "accepted without a message",
+        "no ground truth before the odometry determines the order; the key is named",
         opened(
             text(rows("wxyz", START + 10 * np.arange(3), POSES[:300:100])),
             no_truth("poses shorter than scans", "unclear quaternions"),
@@ -273,134 +273,134 @@ TRUTH = [
     Case(
         "41k",
         "quaternions of length 0.5",
-        "accepted in silence",
-        "are refused with the line",
+        "accepted without a message",
+        "refused; the message names the line",
         refused(text(changed(rows(), slice(2, None), 0.25, slice(4, 8))), "line 3", "length 0.5"),
     ),
     Case(
         "41l",
-        "a mirrored rotation in KITTI's rows",
-        "accepted in silence",
-        "is refused with the line",
+        "a mirrored rotation in KITTI's format",
+        "accepted without a message",
+        "refused; the message names the line",
         refused(mirrored(), "line 5", "mirrored"),
     ),
     Case(
         "41m",
-        "a 3x3 part that is no rotation",
-        "accepted in silence",
-        "is refused with the line",
+        "a 3x3 part that is not a rotation",
+        "accepted without a message",
+        "refused; the message names the line",
         refused(text(changed(kitti(), 9, 2.0, slice(0, 1))), "line 10", "not orthonormal"),
     ),
     Case(
         "41n",
-        "a line cut short",
-        "refused, without the line",
-        "is refused with the line",
+        "a truncated line",
+        "refused without the line",
+        "refused; the message names the line",
         refused([*text(rows())[:-1], "1029.9 1 2"], "line 300 has 3 values"),
     ),
     Case(
         "41o",
         "decimal commas",
         "refused",
-        "are read",
+        "read",
         opened([line.replace(".", ",") for line in text(rows())], truth()),
     ),
     Case(
         "41p",
         "a byte order mark, semicolons and blank lines",
         "refused",
-        "are read",
+        "read",
         opened(["\ufeff# made by a spreadsheet", "", *text(rows(), "; ")], truth()),
     ),
     Case(
         "41q",
         "a straight road in TUM's format",
         "right",
-        "is read as TUM's: the LiDAR looks ahead",
+        "read in TUM's order, since the LiDAR faces forward",
         opened(text(rows(poses=LINE)), truth(poses=LINE)),
     ),
     Case(
         "41r",
-        "no file of poses but words",
+        "a text file without poses",
         "refused",
-        "is refused with its first words",
+        "refused; the message quotes the first words",
         refused(["see the readme"], "not a table of numbers", "see the readme"),
     ),
     Case(
         "R11",
-        "zeros for lost poses in KITTI's rows",
-        "a traceback after the odometry, loops and map lost",
-        "are no truth for these scans",
+        "rows of zeros for lost poses in KITTI's format",
+        "a traceback after the odometry; loops and map were lost",
+        "no ground truth for these scans",
         opened(text(changed(kitti(), slice(5, 8), 0)), truth("unknown pose", known=without(5, 6, 7))),
     ),
     Case(
         "44",
-        "KITTI-360's 17 columns, a number first",
+        "17 columns, the first a frame number (KITTI-360)",
         "refused",
-        "are read by number, and the others have no truth",
+        "assigned by number; the other scans have no ground truth",
         opened(numbered(17), truth("poses shorter than scans", known=np.arange(10, SCANS, 5))),
     ),
     Case(
         "44b",
         "the same with 13 columns",
         "refused",
-        "are read by number, and the others have no truth",
+        "assigned by number; the other scans have no ground truth",
         opened(numbered(13), truth("poses shorter than scans", known=np.arange(10, SCANS, 5))),
     ),
     Case(
         "45b",
-        "a hole of twenty seconds in the truth",
-        "interpolated straight over it, without a word",
-        "scans in it have no truth, which is said",
+        "a gap of twenty seconds in the ground truth",
+        "interpolated across the gap, without a message",
+        "no ground truth within the gap, and reported",
         opened(text(rows()[without(*range(50, 250))]), truth("hole in ground truth", known=without(*range(50, 250)))),
     ),
     Case(
         "45c",
-        "truth at 1 Hz",
+        "ground truth at 1 Hz",
         "interpolated",
-        "counts: a second apart is usual there",
+        "interpolated: one second is the usual step of this file",
         opened(text(rows()[ONE_HZ]), truth("poses shorter than scans", known=slice(0, 291), poses=COARSE)),
     ),
     Case(
         "45d",
-        "truth at 100 Hz",
+        "ground truth at 100 Hz",
         "right",
-        "is interpolated at the scans' stamps",
+        "interpolated at the scans' stamps",
         opened(text(rows(stamps=FINE, poses=se3.interpolate(STAMPS, POSES, FINE))), truth()),
     ),
     Case(
         "45e",
-        "truth shorter than the scans",
+        "ground truth shorter than the sequence",
         "right",
-        "the others have none, which is said",
+        "no ground truth for the other scans, and reported",
         opened(text(rows()[:120]), truth("poses shorter than scans", known=slice(0, 120))),
     ),
     Case(
         "45f",
-        "stamps that fall",
+        "decreasing stamps",
         "refused",
-        "are sorted, which is said",
+        "sorted, and reported",
         opened(text(rows()[::-1]), truth("unsorted truth")),
     ),
     Case(
         "45g",
         "stamps in nanoseconds",
-        "all scans without truth",
-        "are told by their size",
+        "no ground truth for any scan",
+        "unit estimated from the values",
         opened(nanoseconds(), truth()),
     ),
     Case(
         "45h",
-        "truth by another clock",
-        "all scans without truth, said as too short",
-        "no truth, and both clocks are named",
+        "ground truth on another clock",
+        "no ground truth for any scan, reported as too short",
+        "no ground truth; both time spans are reported",
         opened(text(rows(stamps=STAMPS + 5e5)), no_truth("no ground truth")),
     ),
     Case(
         "45i",
-        "fewer rows than scans of which some are missing",
-        "row by row, in silence",
-        "no truth, which is said",
+        "fewer rows than scans, with scans missing",
+        "assigned row by row, without a message",
+        "no ground truth, and reported",
         lambda bench: fewer_rows(bench),
     ),
 ]
@@ -421,7 +421,7 @@ def no_stamps(bench: Bench) -> None:
 
 
 def short_drive(bench: Bench, *lines: str) -> Run:
-    """A run over the street's scans as a folder of one's own, with these lines as poses.txt."""
+    """Run the street's scans as a folder of point files, with these lines as poses.txt."""
     folder = bench.folder / "short"
     folder.mkdir()
     for number in range(8):
@@ -450,7 +450,7 @@ def header_lies(bench: Bench) -> None:
 
 
 def nobody_tells(bench: Bench) -> None:
-    """The body's own x axis is up and its turns are about it: no order agrees with the LiDAR's motion."""
+    """The body's x axis points up and it rotates about x: neither order agrees with the LiDAR's motion."""
     turn = se3.exp(np.array([0, -np.pi / 2, 0, 0, 0, 0])) @ se3.exp(np.array([1.0, 0, 0, 0, 0, 0]))
     run = short_drive(bench, *text(rows("xyzw", 0.1 * np.arange(8), bench.street_poses @ turn)))
     assert [problem.kind for problem in run.problems] == ["no ground truth"]
@@ -521,7 +521,7 @@ def gtsam_reads(bench: Bench) -> None:
 
 
 def world_frame(bench: Bench) -> None:
-    """A street of houses, seen within 30 m, driven down for 70 m, with its points left where they are in the world."""
+    """A street of houses, seen within 30 m, over 70 m, with the points in the world frame."""
     rng, parts = np.random.default_rng(0), []
     for x in np.arange(-40, 120, 10.0):
         for side in (-1, 1):
@@ -546,69 +546,69 @@ def world_frame(bench: Bench) -> None:
 POSES_AND_GRAPHS = [
     Case(
         "37",
-        "scans that are in the world's frame already",
-        "an identity trajectory and a plausible map, no word",
-        "one problem of the run says so",
+        "scans that are already in the world frame",
+        "no motion and a plausible map, without a message",
+        "reported once per run",
         world_frame,
     ),
     Case(
         "41s",
-        "w first and too few poses, but there is odometry",
-        "accepted in silence",
-        "the odometry tells, which is said",
+        "w first, and too few poses for an estimate, in a run",
+        "accepted without a message",
+        "the odometry determines the order, and it is reported",
         odometry_tells,
     ),
     Case(
         "41u",
-        "a header that says w last, above quaternions with w first",
+        "a header that states w last, and quaternions with w first",
         "refused",
-        "the odometry contradicts it, which is said",
+        "the odometry contradicts the header, and it is reported",
         header_lies,
     ),
     Case(
         "41t",
         "poses of a body with other axes: neither order agrees with the odometry",
-        "accepted in silence",
-        "no truth, and the key is named",
+        "accepted without a message",
+        "no ground truth; the key is named",
         nobody_tells,
     ),
     Case(
         "R12",
-        "truth with stamps, scans without times.txt",
-        "row by row: 100 Hz poses for 10 Hz scans, in silence",
-        "no truth, which is said",
+        "ground truth with stamps, scans without times.txt",
+        "assigned row by row, 100 Hz poses to 10 Hz scans, without a message",
+        "no ground truth, and reported",
         no_stamps,
     ),
     Case(
         "R11b",
-        "zeros for a lost pose of KITTI's odometry benchmark",
+        "a row of zeros in KITTI's odometry benchmark",
         "a traceback after the odometry",
-        "the run ends well, that scan has no truth, which is said",
+        "the run completes; no ground truth for this scan, and reported",
         zeros_in_a_run,
     ),
-    Case("R11c", "writing poses that are none", "a traceback", "rows of NaN behind their stamps", sound_and_unsound),
+    Case("R11c", "writing of invalid poses", "a traceback", "rows of NaN after their stamps", sound_and_unsound),
     Case(
         "R13",
         "--odometry with poses of camera 0",
-        "a map three times too large, nothing said",
-        "converted by the calibration, which is said; refused where there is none",
+        "a map three times too large, without a message",
+        "converted by the calibration, and reported; refused without a calibration",
         cameras_odometry,
     ),
     Case(
         "R13b",
-        "poses.txt with a camera's poses",
+        "poses.txt with poses of a camera",
         "errors between different bodies, with a note",
-        "no truth, once the odometry shows it",
+        "no ground truth once the odometry shows it",
         cameras_truth,
     ),
     Case(
         "R13c",
-        "the LiDAR's poses where KITTI has camera 0's",
-        "turned into nonsense, in silence",
-        "no truth, which is said",
+        "the LiDAR's poses in place of KITTI's camera 0",
+        "converted to wrong poses, without a message",
+        "no ground truth, and reported",
         truth_of_a_lidar,
     ),
-    Case("46", "graph.g2o read by GTSAM", "not tried", "the same chi-squared", gtsam_reads),
+    Case("46", "graph.g2o read by GTSAM", "not tested", "the same chi-squared", gtsam_reads),
 ]
 
 
@@ -656,7 +656,7 @@ def images_of_other_names(bench: Bench) -> None:
 
 
 def a_faster_camera(bench: Bench) -> None:
-    """Thirty images a second, the first a second before the scans; half of the drive long."""
+    """Thirty images per second, from one second before the scans, over half of the sequence."""
     times = START - 1 + np.arange(480) / 30
     pictures(bench, [f"{number}.png" for number in range(480)], times=times.tolist())
     data = open_dataset(bench.folder)
@@ -664,7 +664,7 @@ def a_faster_camera(bench: Bench) -> None:
 
 
 def images_named_by_stamps(bench: Bench) -> None:
-    """Nanoseconds since 1970, 20 ms after every other scan."""
+    """Names in nanoseconds since 1970, 20 ms after every other scan."""
     pictures(bench, [f"{round((stamp + 0.02) * 1e3)}000000.png" for stamp in STAMPS[:20:2]])
     data = open_dataset(bench.folder)
     assert shades(data, [0, 2, 18]) == [0, 1, 9]
@@ -672,7 +672,7 @@ def images_named_by_stamps(bench: Bench) -> None:
 
 
 def namesakes_first(bench: Bench) -> None:
-    """Scans and images have the same stamps as names, and times.txt counts from 0."""
+    """Scans and images are named by the same stamps, and times.txt counts from 0."""
     folder = bench.folder / "named"
     (folder / "images").mkdir(parents=True)
     for number in range(5):
@@ -716,7 +716,7 @@ def damaged_images(bench: Bench) -> None:
 
 
 def damage_in_a_run(bench: Bench) -> None:
-    """The first image is damaged where only its pixels show it, and is read to colour the map."""
+    """The first image is damaged in its pixels only, and is read to colour the map."""
     path = bench.street()
     (path / "image_2").mkdir()
     rng = np.random.default_rng(0)
@@ -784,65 +784,73 @@ def odd_sizes(bench: Bench) -> None:
 
 
 IMAGES = [
-    Case("48", "images of 1225 x 369 pixels", "not tried", "every method fills them in", odd_sizes),
-    Case("49", "fewer images than scans", "not tried", "the others have none, which is said", fewer_images),
+    Case("48", "images of 1225 x 369 pixels", "not tested", "every method completes their depth", odd_sizes),
+    Case("49", "fewer images than scans", "not tested", "no image for the other scans, and reported", fewer_images),
     Case(
         "49b",
-        "images with the numbers of the scans and other names",
-        "every scan misses its image",
-        "are matched by number",
+        "images with the numbers of the scans, but other names",
+        "no image for any scan",
+        "matched by number",
         images_by_number,
     ),
     Case(
         "49c",
-        "images that have nothing in common with the scans",
-        "every scan misses its image",
-        "one problem of the drive",
+        "images without any relation to the scans",
+        "no image for any scan",
+        "reported once per sequence",
         images_of_other_names,
     ),
     Case(
         "49d",
-        "a camera of 30 Hz that starts earlier and stops earlier",
+        "a camera at 30 Hz that starts and stops earlier",
         "right",
-        "the nearest image within half a scan",
+        "the nearest image within half a scan period",
         a_faster_camera,
     ),
     Case(
         "49e",
-        "images named by their stamps, scans by numbers",
-        "every scan misses its image",
+        "images named by stamps, scans named by numbers",
+        "no image for any scan",
         "the nearest in time",
         images_named_by_stamps,
     ),
     Case(
         "49f",
-        "scans and images with the same stamps as names, times.txt from 0",
+        "scans and images named by the same stamps, times.txt from 0",
         "matched by name",
         "matched by name",
         namesakes_first,
     ),
-    Case("R15", "an hour of images by time", "16 bytes a pair: 21 GB", "some megabytes", many_images),
+    Case("R15", "an hour of images matched by time", "16 bytes per pair: 21 GB", "a few megabytes", many_images),
     Case(
         "R23a",
         "damaged images",
         "a line in the log, not counted",
-        "problems, and no half image is used",
+        "reported; no partial image is used",
         damaged_images,
     ),
-    Case("R23b", "damage in a run", "not counted, --strict goes on", "counted; --strict stops", damage_in_a_run),
+    Case(
+        "R23b",
+        "an image damaged in its pixels, in a run",
+        "not counted; --strict did not stop",
+        "counted; --strict stops",
+        damage_in_a_run,
+    ),
     Case(
         "R23c",
         "a JPEG with an orientation tag",
-        "turned, so that K no longer fits",
-        "pixels as they are stored",
+        "rotated, so that K did not match",
+        "pixels as stored",
         orientation_tag,
     ),
-    Case("R23d", "images of 16 bits", "nearly black where the camera has 12", "8 bits of those in use", sixteen_bits),
-    Case("R23e", "fisheye coefficients", "taken for k1 k2 p1 p2", "refused, or a model: is asked for", fisheye),
+    Case(
+        "R23d", "16-bit images", "nearly black for a 12-bit camera", "scaled to 8 bits by the bits in use", sixteen_bits
+    ),
+    Case("R23e", "coefficients of a fisheye lens", "read as k1 k2 p1 p2", "refused, or `model` is required", fisheye),
 ]
 
 
-# -- nothing is lost -----------------------------------------------------------------------------------------------
+# -- interrupted runs and output -------------------------------------------------------------------------------------
 
 STOPPED = """
 import signal, sys, time
@@ -966,38 +974,38 @@ def first_scan_of_few_points(bench: Bench) -> None:
 LOST = [
     Case(
         "R5",
-        "an exception in the middle of a run",
-        "all poses so far were lost",
-        "odometry, truth and timings are saved; a finished run in the folder stays",
+        "an exception during a run",
+        "all poses were lost",
+        "odometry, ground truth and timings are saved; a finished run in the folder is kept",
         stopped_by_an_exception,
     ),
     Case(
         "R5b",
-        "Ctrl-C in the middle of a run",
-        "all poses so far were lost",
-        "they are saved, and where is said",
+        "Ctrl-C during a run",
+        "all poses were lost",
+        "poses are saved; the message names the folder",
         stopped_by_hand,
     ),
     Case(
         "R8",
-        "results written onto the input",
-        "scans overwritten, a map taken for a scan",
-        "refused, by any name of the folder",
+        "output into the input folder",
+        "scans overwritten, a map read as a scan",
+        "refused, for any name of the folder",
         onto_the_input,
     ),
-    Case("R17", "enrich and the points' times", "dropped", "written in the column time", enriched_times),
+    Case("R17", "point times of enriched scans", "dropped", "written in the column time", enriched_times),
     Case(
         "R17b",
-        "enrich and a scan off the laser lines",
+        "enrichment of a scan off the laser lines",
         "an AssertionError",
-        "has no file, and is counted",
+        "no file, and counted",
         off_the_lines,
     ),
     Case(
         "R18",
         "a first scan of forty points",
-        "a coarse grid for all that follow",
-        "says nothing about those that follow",
+        "a coarse grid for all later scans",
+        "no effect on the later scans",
         first_scan_of_few_points,
     ),
 ]
@@ -1023,9 +1031,9 @@ def bench(
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_truth_images_and_what_is_kept(case: Case, bench: Bench) -> None:
+def test_ground_truth_images_and_interrupted_runs(case: Case, bench: Bench) -> None:
     case.play(bench)
 
 
-def test_every_case_has_a_number_of_its_own() -> None:
+def test_case_numbers_are_unique() -> None:
     assert len({case.number for case in CASES}) == len(CASES)

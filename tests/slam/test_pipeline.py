@@ -231,7 +231,7 @@ def test_a_run_is_deskewed_if_a_later_scan_has_times(own_folder: Path) -> None:
 def test_strict_stops_at_the_first_problem(street_drive: Drive, street_scans: list[Array]) -> None:
     path = street_drive({3: street_scans[3].tobytes()[:-7], 5: b""})
     seen: list[FrameRecord] = []
-    with pytest.raises(InputError, match=r"000003\.bin: cut short"):
+    with pytest.raises(InputError, match=r"000003\.bin: truncated"):
         Pipeline().run(open_dataset(path), strict=True, on_frame=seen.append)
     assert [record.index for record in seen] == [0, 1, 2]
 

@@ -95,7 +95,7 @@ def test_unknown_properties_are_reported(tmp_path: Path) -> None:
     found = package.info(tmp_path)
     assert (found.rings, found.sensor, found.looks_like) == (None, None, None)
     assert "name the LiDAR with --sensor" in found.rings_from
-    assert found.point_times.startswith("none (no field for them)")
+    assert found.point_times.startswith("none (no time field)")
     assert [kind for kind, _, _ in found.problems] == ["no time stamps"]
     assert found.fields == ("x y z",)
     assert found.commands == (f"lidarlift run {tmp_path}",)

@@ -229,7 +229,7 @@ def test_calibration_is_read_and_checked(folder: Path) -> None:
     ("times", "message"),
     [
         ("0\n1\n", "2 rows for 3 scans"),
-        ("a\nb\nc\n", "one number a line"),
+        ("a\nb\nc\n", "one number per line"),
     ],
 )
 def test_times_that_make_no_sense_are_refused(folder: Path, times: str, message: str) -> None:

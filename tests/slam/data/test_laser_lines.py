@@ -38,7 +38,7 @@ def errors(lines: LaserLines, elevation: Array = HDL64.elevation, offset: Array 
     offset=st.floats(-0.3, 0.3),
     seed=st.integers(0, 99),
 )
-def test_exact_points_give_their_lines(elevation: list[float], offset: float, seed: int) -> None:
+def test_exact_points_give_exact_lines(elevation: list[float], offset: float, seed: int) -> None:
     angles = np.deg2rad(elevation)
     heights = offset + 0.01 * np.arange(len(angles))
     rho = np.random.default_rng(seed).uniform(3, 60, (len(angles), 50))
@@ -48,8 +48,8 @@ def test_exact_points_give_their_lines(elevation: list[float], offset: float, se
     assert lines.points.tolist() == [50] * len(angles)
 
 
-def test_noise_and_points_of_other_lines_do_little() -> None:
-    """A tenth of the points lie anywhere within 2 m above their line."""
+def test_the_fit_is_robust_to_noise_and_outliers() -> None:
+    """A tenth of the points lie up to 2 m above their line."""
     rng = np.random.default_rng(0)
     ring, rho, z = points_on(HDL64.elevation, HDL64.offset, rng.uniform(3, 60, (64, 1000)))
     strays = rng.random(len(z)) < 0.1
@@ -59,7 +59,7 @@ def test_noise_and_points_of_other_lines_do_little() -> None:
     assert millimetres < 0.6
 
 
-def test_standard_errors_are_those_that_are_made() -> None:
+def test_standard_errors_match_the_errors_of_the_fit() -> None:
     rng = np.random.default_rng(1)
     ring, rho, z = points_on(HDL64.elevation, HDL64.offset, rng.uniform(5, 30, (64, 400)))
     lines = fit_lines(ring, rho, z + rng.normal(0, 0.002, len(z)), 64)
@@ -70,15 +70,15 @@ def test_standard_errors_are_those_that_are_made() -> None:
         assert np.sqrt(np.mean((made / told) ** 2)) == pytest.approx(1, abs=0.25)
 
 
-def test_the_residual_is_the_angle_off_the_line() -> None:
+def test_the_residual_is_the_angle_between_points_and_line() -> None:
     rng = np.random.default_rng(2)
     ring, rho, z = points_on(np.zeros(2), np.zeros(2), np.full((2, 4000), 10.0))
     residual = np.rad2deg(fit_lines(ring, rho, z + rng.normal(0, 0.01, len(z)), 2).residual)
     assert residual == pytest.approx(np.rad2deg(0.001), rel=0.1)
 
 
-def test_a_ring_at_one_distance_takes_its_neighbours_height() -> None:
-    """Elevation and offset cannot be told apart there: the line still meets the points, and the errors say it."""
+def test_a_ring_at_one_distance_takes_the_offset_of_its_neighbours() -> None:
+    """Elevation and offset cannot be separated there: the line meets the points, the standard errors are large."""
     rng = np.random.default_rng(3)
     rho = rng.uniform(5, 30, (5, 500))
     rho[0], rho[3] = 20.0, 20.0
@@ -92,14 +92,14 @@ def test_a_ring_at_one_distance_takes_its_neighbours_height() -> None:
 
 
 def numbered(scan: Array, ring: Array) -> Array:
-    """x y z ring as columns with names."""
+    """Named columns x, y, z, ring."""
     kinds = [("x", "f4"), ("y", "f4"), ("z", "f4"), ("ring", "u2")]
     return np.array(list(zip(*scan[:, :3].T, ring, strict=True)), kinds)
 
 
 @pytest.fixture
 def folder(tmp_path: Path, hdl64_scan: ScanMaker) -> Path:
-    """Two scans, stored ring after ring, without a ring field, and nothing said about the sensor."""
+    """Two scans, stored ring by ring, without a ring field and without a sensor."""
     for number in range(2):
         hdl64_scan().tofile(tmp_path / f"{number}.bin")
     return tmp_path
@@ -111,25 +111,27 @@ def fitted(path: Path, rings: int | None = None) -> tuple[LaserLines, list[str]]
     return lines, [problem.message for problem in problems]
 
 
-def test_rings_are_counted_where_files_have_none(folder: Path) -> None:
+def test_rings_are_counted_in_files_without_a_ring_field(folder: Path) -> None:
     lines, problems = fitted(folder)
     assert errors(lines) < (0.001, 0.1)
     assert lines.points.tolist() == [720] * 64
     assert problems == []
 
 
-def test_scans_with_other_numbers_of_rings_are_left_out(folder: Path, hdl64_scan: ScanMaker) -> None:
+def test_scans_with_another_number_of_rings_are_left_out(folder: Path, hdl64_scan: ScanMaker) -> None:
     hdl64_scan(range(39)).tofile(folder / "2.bin")
     (folder / "3.bin").write_bytes(b"")
     lines, problems = fitted(folder)
     assert errors(lines) < (0.001, 0.1)
     assert len(problems) == 1
-    assert "64 rings: scan 2 (39), 3 (0)" in problems[0]
+    assert "without 64 rings, left out (number of rings): 2 (39), 3 (0)" in problems[0]
     assert len(fitted(folder, rings=39)[0].points) == 39
 
 
 @pytest.mark.parametrize("upwards", [False, True])
-def test_rings_of_the_files_own_may_be_in_any_order(tmp_path: Path, hdl64_scan: ScanMaker, upwards: bool) -> None:
+def test_a_ring_field_may_count_from_the_top_or_the_bottom(
+    tmp_path: Path, hdl64_scan: ScanMaker, upwards: bool
+) -> None:
     scan, ring = hdl64_scan(range(4, 64, 4)), np.repeat(np.arange(15), 360)
     order = np.random.default_rng(0).permutation(len(scan))
     np.save(tmp_path / "0.npy", numbered(scan, 14 - ring if upwards else ring)[order])
@@ -137,7 +139,7 @@ def test_rings_of_the_files_own_may_be_in_any_order(tmp_path: Path, hdl64_scan: 
     assert errors(lines, HDL64.elevation[4::4], HDL64.offset[4::4]) < (0.001, 0.1)
 
 
-def test_point_clouds_with_a_ring_field(tmp_path: Path, hdl64_scan: ScanMaker) -> None:
+def test_lines_are_fitted_to_point_clouds_with_a_ring_field(tmp_path: Path, hdl64_scan: ScanMaker) -> None:
     cloud = open3d.t.geometry.PointCloud(hdl64_scan()[:, :3].copy())
     cloud.point["ring"] = np.repeat(np.arange(64, dtype=np.int32), 360).reshape(-1, 1)
     open3d.t.io.write_point_cloud(str(tmp_path / "0.pcd"), cloud)
@@ -145,13 +147,13 @@ def test_point_clouds_with_a_ring_field(tmp_path: Path, hdl64_scan: ScanMaker) -
 
 
 def test_a_known_sensor_does_not_bias_the_fit(folder: Path) -> None:
-    """Were rings taken from the lines of a wrong sensor.yaml, its errors would stay."""
+    """If rings were taken from the lines of a wrong sensor.yaml, its errors would remain."""
     wrong = np.column_stack([np.rad2deg(HDL64.elevation) + 0.3, HDL64.offset])
     (folder / "sensor.yaml").write_text(f"beams: {wrong.tolist()}\n")
     assert errors(fitted(folder)[0]) < (0.001, 0.1)
 
 
-def test_what_is_written_is_read_back(folder: Path) -> None:
+def test_a_sensor_file_is_read_back_as_written(folder: Path) -> None:
     path = folder / "new.yaml"
     path.write_text(sensor_text(fitted(folder)[0], "mine: the second", np.deg2rad(0.2)))
     sensor = load_sensor(path)
@@ -179,8 +181,8 @@ def test_points_in_another_order_are_refused(
         fitted(tmp_path, rings)
 
 
-def test_points_that_left_their_lines_are_refused(tmp_path: Path, hdl64_scan: ScanMaker) -> None:
-    """As motion compensation moves them: here by up to 0.3 m up and down around the sensor."""
+def test_points_off_their_lines_are_refused(tmp_path: Path, hdl64_scan: ScanMaker) -> None:
+    """Motion compensation moves points; here by up to 0.3 m up and down around the sensor."""
     scan = hdl64_scan()
     scan[:, 2] += 0.3 * np.sin(np.arctan2(scan[:, 1], scan[:, 0]))
     np.save(tmp_path / "0.npy", numbered(scan, np.repeat(np.arange(64), 360)))
@@ -188,7 +190,7 @@ def test_points_that_left_their_lines_are_refused(tmp_path: Path, hdl64_scan: Sc
         fitted(tmp_path)
 
 
-def test_what_is_said_to_be_compensated_is_refused(folder: Path) -> None:
+def test_scans_declared_as_motion_compensated_are_refused(folder: Path) -> None:
     (folder / "sensor.yaml").write_text("model: hdl64\nmotion_compensated: true\n")
     with pytest.raises(InputError, match="motion-compensated scans"):
         fitted(folder)
@@ -199,11 +201,11 @@ def test_what_is_said_to_be_compensated_is_refused(folder: Path) -> None:
     [
         ({5: 40, 40: 5}, None, "neither rise nor fall"),
         ({}, 66, "fewer than 100 points of ring 64, 65 of 0-65"),
-        ({}, 32, r"its scans have 64 rings where 32 are expected \(--rings\)"),
+        ({}, 32, r"the scans have 64 rings where 32 are expected \(--rings\)"),
         ({63: 2000}, None, "rings 0 to 2000, but 0 to 1023"),
     ],
 )
-def test_wrong_ring_numbers_are_refused(
+def test_invalid_ring_numbers_are_refused(
     tmp_path: Path, hdl64_scan: ScanMaker, swap: dict[int, int], rings: int | None, message: str
 ) -> None:
     names = np.array([swap.get(ring, ring) for ring in range(64)])
@@ -213,12 +215,12 @@ def test_wrong_ring_numbers_are_refused(
 
 
 @pytest.mark.parametrize(("name", "start"), [("kitti_raw_0013", 0), ("kitti_raw_0005", 2)])
-def test_real_drives_give_the_shipped_table(real_data: Callable[[str], Path], name: str, start: int) -> None:
-    """Of 0.1 mm and 0.0001 deg; the points' coordinates are rounded to 1 mm."""
+def test_real_sequences_give_the_shipped_table(real_data: Callable[[str], Path], name: str, start: int) -> None:
+    """Tolerances are 0.1 mm and 0.0001 deg; the points' coordinates are rounded to 1 mm."""
     data = open_dataset(real_data(name))
     lines, problems = fit_dataset(data, range(start, len(data), 20))
     assert errors(lines) < (0.002, 0.3)
     assert (np.rad2deg(lines.elevation_error) < 0.001).all()
     assert (lines.offset_error < 0.0002).all()
     assert (np.rad2deg(lines.residual) < 0.006).all()
-    assert [problem.message.partition("scan ")[2] for problem in problems] == ["42 (65)"] * (name == "kitti_raw_0005")
+    assert [problem.message.rpartition(": ")[2] for problem in problems] == ["42 (65)"] * (name == "kitti_raw_0005")

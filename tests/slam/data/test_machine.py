@@ -1,4 +1,4 @@
-"""What the machine gives, also on systems that lack what Linux has."""
+"""Resources of the machine, also on systems that lack features of Linux."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ def test_peak_memory_is_in_megabytes() -> None:
     assert held.nbytes / 1e6 < peak < 100_000
 
 
-def test_no_memory_is_told_where_the_system_has_no_such_module(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_peak_memory_is_none_without_the_module_resource(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "resource", None)
     assert peak_memory() is None
 
 
-def test_runs_can_be_saved_without_that_module() -> None:
+def test_runs_can_be_saved_without_the_module_resource() -> None:
     code = "import sys; sys.modules.update(resource=None, fcntl=None); import slam.session"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_a_process_may_be_bound_to_some_of_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_the_cores_that_the_process_is_bound_to_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {1, 3, 4}, raising=False)
     monkeypatch.setattr(os, "cpu_count", lambda: 8)
     assert usable_cores() == 3

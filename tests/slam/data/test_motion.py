@@ -20,12 +20,12 @@ tangents = st.tuples(
 
 
 @given(tangents)
-def test_log_undoes_exp(xi: np.ndarray) -> None:
+def test_log_inverts_exp(xi: np.ndarray) -> None:
     assert se3.log(se3.exp(xi)) == pytest.approx(xi, abs=1e-7)
 
 
 @given(tangents, tangents)
-def test_inverse_and_angle(xi: np.ndarray, other: np.ndarray) -> None:
+def test_inverse_and_angle_match_their_definitions(xi: np.ndarray, other: np.ndarray) -> None:
     T = se3.exp(xi)
     assert se3.inverse(T) @ T == pytest.approx(np.eye(4), abs=1e-9)
     assert se3.inverse(np.stack([T, se3.exp(other)]))[0] == pytest.approx(np.linalg.inv(T), abs=1e-9)
@@ -33,7 +33,7 @@ def test_inverse_and_angle(xi: np.ndarray, other: np.ndarray) -> None:
 
 
 @given(tangents)
-def test_half_a_motion_twice_is_the_whole(xi: np.ndarray) -> None:
+def test_half_a_motion_applied_twice_is_the_whole_motion(xi: np.ndarray) -> None:
     T = se3.exp(xi)
     assert se3.scale(T, 0.5) @ se3.scale(T, 0.5) == pytest.approx(T, abs=1e-7)
 
@@ -54,20 +54,20 @@ def a_cloud(seed: int, timed: bool = True) -> PointCloud:
     return PointCloud(xyz, rng.random(50), time=rng.uniform(-0.05, 0.05, 50) if timed else None)
 
 
-def test_a_sensor_that_stands_still_needs_no_deskewing() -> None:
+def test_deskewing_at_zero_velocity_changes_nothing() -> None:
     cloud = a_cloud(0)
     np.testing.assert_allclose(deskew(cloud, np.zeros(6)).xyz, cloud.xyz, rtol=1e-6)
 
 
-def test_points_without_times_are_left_alone() -> None:
+def test_a_cloud_without_times_is_returned_unchanged() -> None:
     cloud = a_cloud(0, timed=False)
     assert deskew(cloud, np.ones(6)) is cloud
 
 
 @settings(deadline=None)
 @given(seed=st.integers(0, 50), yaw=st.floats(-0.15, 0.15), forward=st.floats(-3, 3))
-def test_deskewing_brings_a_static_world_back_to_the_stamp(seed: int, yaw: float, forward: float) -> None:
-    """`yaw` and `forward` of a sweep of 0.1 s, half of it before the stamp."""
+def test_deskewing_restores_a_static_world_at_the_stamp(seed: int, yaw: float, forward: float) -> None:
+    """`yaw` and `forward` are per sweep of 0.1 s; half of the sweep is before the stamp."""
     world, velocity = a_cloud(seed), 10 * np.array([0, 0, yaw, forward, 0.1, 0])
     assert world.time is not None
     seen = np.empty((50, 3))
@@ -78,7 +78,7 @@ def test_deskewing_brings_a_static_world_back_to_the_stamp(seed: int, yaw: float
 
 
 @given(tangents, tangents)
-def test_the_adjoint_moves_tangents_to_another_frame(xi: np.ndarray, other: np.ndarray) -> None:
+def test_the_adjoint_maps_tangents_to_another_frame(xi: np.ndarray, other: np.ndarray) -> None:
     T, small = se3.exp(xi), 1e-3 * other
     assert T @ se3.exp(small) @ se3.inverse(T) == pytest.approx(se3.exp(se3.adjoint(T) @ small), abs=1e-6)
 
@@ -98,7 +98,7 @@ def test_the_vertical_correction_raises_elevations_and_keeps_range_and_azimuth()
 
 @settings(max_examples=30)
 @given(st.lists(tangents, min_size=1, max_size=4))
-def test_pose_files_give_back_what_was_written(tmp_path_factory: pytest.TempPathFactory, xis: list[np.ndarray]) -> None:
+def test_poses_are_read_back_as_written(tmp_path_factory: pytest.TempPathFactory, xis: list[np.ndarray]) -> None:
     path = tmp_path_factory.mktemp("poses") / "poses.txt"
     poses = np.stack([se3.exp(xi) for xi in xis])
     path.write_text(kitti_text(poses))
@@ -121,7 +121,7 @@ def test_pose_files_give_back_what_was_written(tmp_path_factory: pytest.TempPath
         ("0 0 0 0 0 0 0 0\n", "quaternion of length zero"),
     ],
 )
-def test_wrong_pose_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
+def test_invalid_pose_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "poses.txt"
     path.write_text(text)
     with pytest.raises(InputError, match=r"poses\.txt") as error:

@@ -24,7 +24,7 @@ COLOUR = RNG.integers(0, 256, (COUNT, 3), np.uint8)
 
 @pytest.mark.parametrize("suffix", ["pcd", "ply"])
 @pytest.mark.parametrize("options", [{"write_ascii": True}, {"compressed": True}, {}], ids=["text", "packed", "binary"])
-def test_what_open3d_writes_is_read(tmp_path: Path, suffix: str, options: dict[str, bool]) -> None:
+def test_files_written_by_open3d_are_read(tmp_path: Path, suffix: str, options: dict[str, bool]) -> None:
     cloud = o3d.t.geometry.PointCloud(XYZ.copy())
     cloud.point["intensity"] = INTENSITY[:, None].copy()
     cloud.point["ring"] = np.arange(COUNT, dtype=np.int32)[:, None] % 16
@@ -40,7 +40,7 @@ def test_what_open3d_writes_is_read(tmp_path: Path, suffix: str, options: dict[s
 
 
 @pytest.mark.parametrize("suffix", ["pcd", "ply"])
-def test_open3d_reads_what_we_write(tmp_path: Path, suffix: str) -> None:
+def test_open3d_reads_our_files(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"cloud.{suffix}"
     fields = {"ring": np.arange(COUNT, dtype=np.int32), "measured": np.arange(COUNT) % 2 == 0}
     write_points(path, PointCloud(XYZ, INTENSITY, colour=COLOUR), fields)
@@ -56,7 +56,7 @@ def test_open3d_reads_what_we_write(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
-def test_las_comes_back_in_millimetres(tmp_path: Path, suffix: str) -> None:
+def test_las_is_read_back_to_a_millimetre(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"cloud{suffix}"
     write_points(path, PointCloud(XYZ, INTENSITY, colour=COLOUR))
     points = read_cloud(path)
@@ -66,7 +66,7 @@ def test_las_comes_back_in_millimetres(tmp_path: Path, suffix: str) -> None:
     np.testing.assert_array_equal(points.colour, COLOUR)
 
 
-def test_las_without_laspy_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_las_without_laspy_names_the_package_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "cloud.las"
     write_points(path, PointCloud(XYZ, INTENSITY))
     monkeypatch.setitem(sys.modules, "laspy", None)
@@ -76,13 +76,13 @@ def test_las_without_laspy_says_what_to_install(tmp_path: Path, monkeypatch: pyt
         write_points(tmp_path / "other.las", PointCloud(XYZ, INTENSITY))
 
 
-def test_las_has_no_place_for_other_fields(tmp_path: Path) -> None:
+def test_other_fields_are_refused_in_las(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="have no ring"):
         write_points(tmp_path / "cloud.las", PointCloud(XYZ, INTENSITY), {"ring": np.zeros(COUNT)})
 
 
-def test_a_map_keeps_what_a_scan_loses(tmp_path: Path) -> None:
-    """Points at its origin, and far away."""
+def test_a_map_keeps_points_that_a_scan_leaves_out(tmp_path: Path) -> None:
+    """Points at the origin, and far away."""
     xyz = np.array([[0, 0, 0], [20_000, 0, 0], [1, 2, 3]])
     write_points(tmp_path / "map.pcd", PointCloud(xyz, np.zeros(3)))
     assert read_cloud(tmp_path / "map.pcd").xyz.tolist() == xyz.tolist()
@@ -91,7 +91,7 @@ def test_a_map_keeps_what_a_scan_loses(tmp_path: Path) -> None:
     assert [problem.kind for problem in scan.problems] == ["non-finite points"]
 
 
-def test_every_time_of_a_file_is_kept_in_its_type_and_order() -> None:
+def test_all_time_fields_are_kept_in_type_and_order() -> None:
     stamps = 1_700_000_000_000_000_000 + np.arange(3, dtype=np.uint64)
     table = np.zeros(3, [("x", "f4"), ("y", "f4"), ("z", "f4"), ("GpsTime", "f8"), ("timestamp", "u8"), ("T", "u4")])
     table["x"], table["timestamp"] = [1, 0, 2], stamps
@@ -110,16 +110,16 @@ def test_every_time_of_a_file_is_kept_in_its_type_and_order() -> None:
     [
         (np.zeros((5, 2)), "N x 3 or N x 4"),
         (np.zeros((3, 500)), r"points\.T"),
-        (np.zeros(5, [("x", "f4"), ("y", "f4")]), "fields x, y and z are needed; it has x, y"),
+        (np.zeros(5, [("x", "f4"), ("y", "f4")]), "fields x, y and z are required; the file has x, y"),
     ],
 )
-def test_an_array_of_something_else_is_refused(table: np.ndarray, message: str) -> None:
+def test_an_array_that_does_not_hold_points_is_refused(table: np.ndarray, message: str) -> None:
     with pytest.raises(InputError, match=f"^scan 7: .*{message}"):
         points_of(table, Path("scan 7"))
 
 
 @pytest.mark.parametrize("name", ["none.pcd", "folder.ply", "words.txt", "empty.npy"])
-def test_what_is_no_point_file_is_a_problem(tmp_path: Path, name: str) -> None:
+def test_a_file_that_is_not_a_point_file_is_a_problem(tmp_path: Path, name: str) -> None:
     (tmp_path / "folder.ply").mkdir()
     (tmp_path / "words.txt").write_text("words")
     (tmp_path / "empty.npy").touch()

@@ -1,4 +1,4 @@
-"""Clouds to files and back."""
+"""Writing of clouds, and reading them back."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def cloud() -> PointCloud:
 
 
 @pytest.mark.parametrize("suffix", ["pcd", "ply", "PLY"])
-def test_points_intensity_and_colour_come_back(tmp_path: Path, cloud: PointCloud, suffix: str) -> None:
+def test_points_intensity_and_colour_are_read_back_as_written(tmp_path: Path, cloud: PointCloud, suffix: str) -> None:
     import open3d as o3d
 
     path = tmp_path / "new" / f"map.{suffix}"
@@ -35,7 +35,7 @@ def test_points_intensity_and_colour_come_back(tmp_path: Path, cloud: PointCloud
     assert [file.name for file in path.parent.iterdir()] == [path.name]
 
 
-def test_a_cloud_without_colour_gets_none(tmp_path: Path) -> None:
+def test_a_cloud_without_colour_is_written_without_colour(tmp_path: Path) -> None:
     import open3d as o3d
 
     write_points(tmp_path / "map.pcd", PointCloud(np.ones((3, 3)), np.ones(3)))
@@ -54,7 +54,7 @@ def test_other_suffixes_are_refused(tmp_path: Path, cloud: PointCloud, name: str
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_write_that_fails_leaves_the_old_file_whole(
+def test_a_failed_write_leaves_the_old_file_unchanged(
     tmp_path: Path, cloud: PointCloud, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object, **__: object) -> None:
@@ -67,14 +67,14 @@ def test_a_write_that_fails_leaves_the_old_file_whole(
     assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [("map.pcd", b"old")]
 
 
-def test_a_cloud_of_nothing_is_refused(tmp_path: Path) -> None:
+def test_an_empty_cloud_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no points to write"):
         write_points(tmp_path / "map.pcd", PointCloud(np.zeros((0, 3)), np.zeros(0)))
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt(), ValueError("x")])
-def test_nothing_half_written_stays(tmp_path: Path, error: BaseException) -> None:
+def test_no_half_written_file_remains(tmp_path: Path, error: BaseException) -> None:
     def write() -> None:
         with written_beside(tmp_path / "a.txt") as temporary:
             temporary.write_text("half")
@@ -85,7 +85,7 @@ def test_nothing_half_written_stays(tmp_path: Path, error: BaseException) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_a_file_is_an_input_error(tmp_path: Path) -> None:
+def test_writing_below_a_file_is_an_input_error(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
         write_text(tmp_path / "taken" / "a.txt", "text")

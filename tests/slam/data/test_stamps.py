@@ -1,4 +1,4 @@
-"""Stamps that make no sense beside those before them."""
+"""Inconsistent stamps."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def frame(index: int, stamp: float) -> Frame:
         (20, 106.0),  # the same, late
     ],
 )
-def test_stamps_that_rise_as_the_numbers_do_are_sound(index: int, stamp: float) -> None:
+def test_stamps_that_increase_as_the_numbers_do_are_consistent(index: int, stamp: float) -> None:
     assert stamp_problems(frame(index, stamp), frame(7, 100.0), 0.1) == ()
 
 
-def test_a_first_stamp_may_be_anything() -> None:
+def test_the_first_stamp_may_have_any_value() -> None:
     assert stamp_problems(frame(0, -1e9), None, 0.1) == ()
 
 
@@ -41,39 +41,39 @@ def test_a_first_stamp_may_be_anything() -> None:
         (
             100.0,
             "repeated stamp",
-            "frame 8: its stamp, 100.000 s, is that of the frame before; "
-            "one sweep, 0.1 s, is taken for the time between them",
+            "frame 8: its stamp, 100.000 s, repeats that of the previous frame; "
+            "one sweep, 0.1 s, is used as the time between them",
         ),
         (
             99.75,
             "backward stamp",
-            "frame 8: its stamp, 99.750 s, is 0.250 s before that of the frame before; "
-            "one sweep, 0.1 s, is taken for the time between them",
+            "frame 8: its stamp, 99.750 s, is 0.250 s before that of the previous frame; "
+            "one sweep, 0.1 s, is used as the time between them",
         ),
         (
             100.75,
             "stamp jump",
             "frame 8: its stamp, 100.750 s, is 0.750 s after that of frame 7; "
-            "scans are missing, or the clock was set; the time is taken as it is",
+            "scans are missing, or the clock was set; the stamp is used unchanged",
         ),
     ],
 )
-def test_what_is_wrong_is_one_line(stamp: float, kind: str, message: str) -> None:
+def test_a_fault_is_reported_in_one_line(stamp: float, kind: str, message: str) -> None:
     (problem,) = stamp_problems(frame(8, stamp), frame(7, 100.0), 0.1)
     assert (problem.kind, problem.message) == (kind, message)
 
 
-def test_a_jump_beyond_what_the_numbers_explain() -> None:
+def test_a_jump_that_the_numbers_do_not_explain_is_reported() -> None:
     """Three scans later by the numbers, two seconds later by the clock."""
     (problem,) = stamp_problems(frame(10, 102.0), frame(7, 100.0), 0.1)
     assert problem.kind == "stamp jump"
 
 
-# ---- of a whole drive
+# ---- stamps of a whole sequence
 
 
 @given(st.lists(st.one_of(st.integers(-30, 300), st.none()), min_size=2, max_size=12))
-def test_mended_stamps_rise(tenths: list[int | None]) -> None:
+def test_corrected_stamps_increase(tenths: list[int | None]) -> None:
     stamps = np.array([np.nan if tenth is None else tenth / 10 for tenth in tenths])
     step = usual_step(stamps)
     found, problems = mended(stamps, "times.txt")
@@ -85,18 +85,18 @@ def test_mended_stamps_rise(tenths: list[int | None]) -> None:
         assert not sound or (found == stamps).all()
 
 
-def test_what_was_mended_is_one_line() -> None:
+def test_corrections_are_reported_in_one_line() -> None:
     stamps = np.array([0, 0.1, np.nan, 0.3, 0.4, 0.4, 0.6, 0.0, 0.1])
     found, (problem,) = mended(stamps, "times.txt")
     assert found == pytest.approx(0.1 * np.arange(9))
     assert problem.kind == "mended stamps"
     assert problem.message == (
-        "times.txt: stamps missing, repeated or apart from the others at scans 2, 5 (from 0): put between these; "
-        "the clock was set back at scan 7 (from 0): the rest follows one usual step later"
+        "times.txt: stamps missing, repeated or outlying at scans 2, 5 (from 0): interpolated between the others; "
+        "the clock was set back at scan 7 (from 0): the later stamps follow after one usual step"
     )
 
 
-def test_stamps_ahead_stay() -> None:
+def test_stamps_after_a_jump_ahead_are_unchanged() -> None:
     stamps = np.array([0, 0.1, 60, 60.1])
     assert mended(stamps, "times.txt") == (stamps, ())
 
@@ -114,7 +114,7 @@ def test_stamps_ahead_stay() -> None:
         ([0, 100_000_000], "ns"),
     ],
 )
-def test_units_follow_from_the_epoch_or_the_steps(values: list[int | float], unit: str) -> None:
+def test_units_are_estimated_from_the_epoch_or_the_steps(values: list[int | float], unit: str) -> None:
     assert seconds_of(values)[1] == unit
 
 
@@ -123,7 +123,7 @@ def test_seconds_are_exact_to_the_last_bit() -> None:
     assert seconds_of_pairs(["1662622237"], ["123456789"], point=False)[0][0] == 1662622237.123456789
 
 
-def test_what_follows_seconds_is_a_fraction_or_a_count() -> None:
+def test_the_second_number_is_a_fraction_or_a_count() -> None:
     whole = ["1700000000"] * 4
     stripped = seconds_of_pairs(whole, ["1", "2", "3", "400000001"], point=True)
     counted = seconds_of_pairs(whole, ["50000000", "150000000", "250000000", "350000000"], point=True)

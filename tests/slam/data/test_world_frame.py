@@ -1,4 +1,4 @@
-"""Scans that move in their own coordinates while the LiDAR seems to stand."""
+"""Scans that move in their own coordinates while the odometry finds no motion."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ STANDING = np.tile(np.eye(4), (50, 1, 1))
 
 
 def moving(to: float) -> Array:
-    """Centres (50, 2) that go there along x."""
+    """Centres (50, 2) that move to `to` along x."""
     return np.column_stack([np.linspace(0, to, 50), np.zeros(50)])
 
 
-def test_centres_that_drive_while_the_odometry_stands() -> None:
+def test_centres_that_move_while_the_odometry_does_not_are_reported() -> None:
     (problem,) = world_frame_problem(moving(100.0), STANDING)
     assert problem.kind == "world frame"
     assert "moves 100 m" in problem.message
 
 
-def test_what_is_no_sign_of_it() -> None:
+def test_other_motion_of_the_centres_is_not_reported() -> None:
     driving = STANDING.copy()
     driving[:, 0, 3] = np.arange(50)
     opened = np.where(np.arange(50)[:, None] < 25, [0.0, 0], [60, 0])  # a door
@@ -35,7 +35,7 @@ def test_what_is_no_sign_of_it() -> None:
         assert world_frame_problem(centres, poses) == ()
 
 
-def test_scans_without_points_are_left_out() -> None:
+def test_scans_without_points_are_ignored() -> None:
     centres = moving(100.0)
     centres[::7] = centre(np.zeros((0, 3)))
     assert len(world_frame_problem(centres, STANDING)) == 1

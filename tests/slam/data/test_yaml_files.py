@@ -1,4 +1,4 @@
-"""YAML of others: one line says what is wrong, whatever it is."""
+"""YAML of users: any fault is reported in one line."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LAUGHS = "a: &a [1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
         ('"a\\n b": 3', "unknown key 'a b'"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, content: str, message: str) -> None:
+def test_a_fault_is_reported_in_one_line(tmp_path: Path, content: str, message: str) -> None:
     path = tmp_path / "sensor.yaml"
     path.write_text(content)
     tracemalloc.start()
@@ -51,7 +51,7 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, content: str, message
     assert peak < 10_000_000
 
 
-def test_settings_have_no_aliases_either(tmp_path: Path) -> None:
+def test_aliases_are_refused_in_settings_too(tmp_path: Path) -> None:
     path = tmp_path / "config.yaml"
     path.write_text(LAUGHS)
     with pytest.raises(InputError, match="aliases"):
@@ -59,12 +59,12 @@ def test_settings_have_no_aliases_either(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("value", [[[1, 2], [3]], "x", [1, None], [[1e400]], {"a": 1}, [10**400]])
-def test_what_are_no_numbers_is_refused(value: object) -> None:
+def test_values_that_are_not_numbers_are_refused(value: object) -> None:
     with pytest.raises(InputError, match=r"^a\.yaml: 'K' must be"):
         numbers(Path("a.yaml"), "K", value, (-1, 1))
 
 
 @given(st.text(max_size=200))
-def test_any_text_is_yaml_or_a_value_error(text: str) -> None:
+def test_any_text_is_parsed_or_raises_a_value_error(text: str) -> None:
     with contextlib.suppress(ValueError):
         parsed(text)
