@@ -210,5 +210,5 @@ def test_a_folder_that_cannot_be_written_is_an_error(street_drive: Drive, tmp_pa
 def test_a_folder_without_a_run_is_an_error(tmp_path: Path, content: str | None) -> None:
     if content is not None:
         (tmp_path / "run.json").write_text(content, encoding="latin-1")
-    with pytest.raises(InputError, match="name a folder that `lidarlift run` wrote"):
+    with pytest.raises(InputError, match="give a folder written by `lidarlift run`"):
         read_report(tmp_path)
