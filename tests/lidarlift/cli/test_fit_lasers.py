@@ -39,7 +39,7 @@ def test_laser_lines_are_printed_and_written(lidarlift: Command, raw: Path) -> N
     assert table[:, 3] == pytest.approx(1e3 * sensor.offset, abs=0.02)
     assert table[:, 6].tolist() == [1800] * 64
     assert written == "Written to new/sensor.yaml"
-    assert "scan 3 (0)" in result.err
+    assert "left out (number of rings): 3 (0)" in result.err
     assert "off their lines" not in result.err
 
 
