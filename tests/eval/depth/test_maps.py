@@ -51,7 +51,7 @@ def test_a_missing_file_is_an_error(folder, kind):
 
 def test_eight_bit_depth_is_an_error(folder):
     cv2.imwrite(str(folder / "velodyne_raw" / NAMES["velodyne_raw"]), np.zeros((2, 3), np.uint8))
-    with pytest.raises(InputError, match="16 bits"):
+    with pytest.raises(InputError, match="16-bit"):
         depth_map_triples(folder)[0].read()
 
 
