@@ -20,6 +20,17 @@ from slam.simulation.drive_names import DRIVES
 class Format(StrEnum):
     KITTI = "kitti"
     FOLDER = "folder"
+    BAG = "bag"
+    ROS2 = "ros2"
+    MCAP = "mcap"
+
+
+class Driver(StrEnum):
+    VELODYNE = "velodyne"
+    OUSTER = "ouster"
+    HESAI = "hesai"
+    ROBOSENSE = "robosense"
+    LIVOX = "livox"
 
 
 def simulate(
@@ -58,11 +69,22 @@ def simulate(
     ] = False,
     format: Annotated[
         Format,
-        typer.Option(help="kitti: KITTI odometry's; folder: .pcd scans, their points with ring and time."),
+        typer.Option(
+            help="kitti: KITTI odometry's; folder: .pcd scans, their points with ring and time; bag, ros2, mcap: a "
+            "recording of ROS 1, of ROS 2 in SQLite or MCAP, with camera, IMU, GNSS and truth."
+        ),
     ] = Format.KITTI,
+    driver: Annotated[
+        Driver | None,
+        typer.Option(help="Whose fields the points have, in a folder or a recording. Default there: the LiDAR's own."),
+    ] = None,
     stamp: Annotated[
-        Stamp, typer.Option(help="The instant of a sweep that its stamp and true pose are of, in a folder.")
-    ] = Stamp.MIDDLE,
+        Stamp | None,
+        typer.Option(
+            help="The instant of a sweep that its stamp and true pose are of, in a folder or a recording. Default: "
+            "the driver's, else the middle."
+        ),
+    ] = None,
 ) -> None:
     """Simulate a drive or a walk: scans, images, calibration and the true poses. An interrupted one is resumed.
 
@@ -85,7 +107,8 @@ def simulate(
         height=height,
         tilt=math.radians(tilt),
         format=format.value,
-        stamp=stamp.value,
+        stamp=stamp and stamp.value,
+        driver=driver and driver.value,
     )
     simulation = Simulation(settings)
     count = min(frames or len(simulation), len(simulation))

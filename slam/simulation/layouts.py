@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 import cv2
 import numpy as np
+from numpy.lib.recfunctions import repack_fields
 
 from slam.data import se3
 from slam.data.atomic import write_text, written_beside
@@ -42,6 +44,14 @@ class Layout(Protocol):
         mid-sweep."""
         ...
 
+    def holds(self, count: int) -> bool:
+        """Whether the first `count` frames have been put together into one file, which stands for theirs."""
+        ...
+
+    def put_together(self, rig: Rig, count: int) -> None:
+        """Make that file of the first `count` frames, and remove theirs, if it is of that kind."""
+        ...
+
 
 class KittiLayout:
     """KITTI's odometry benchmark: stamps and poses, of camera 0, at mid-sweep; points ring after ring."""
@@ -61,8 +71,8 @@ class KittiLayout:
     def write(self, frame: SimulatedFrame, number: int) -> None:
         """See `Layout`."""
         files = self.files(number)
-        _write_truth(files, frame)
-        _write(files["scan"], _bin(frame.scan))
+        write_truth(files, frame)
+        write_bytes(files["scan"], _bin(frame.scan))
 
     def write_surroundings(self, rig: Rig, stamps: Array) -> None:
         """See `Layout`."""
@@ -72,9 +82,16 @@ class KittiLayout:
         write_text(self._sequence / "calib.txt", "\n".join(lines) + "\n")
         write_text(self._sequence / "times.txt", "".join(f"{stamp:e}\n" for stamp in stamps))
         correction = "vertical_correction_deg: 0.0\n"  # the loader's own for KITTI is that of KITTI's LiDAR
-        write_text(self._sequence / "sensor.yaml", f"model: {rig.lidar.sensor.name}\n{correction}{_compensated(rig)}")
+        write_text(self._sequence / "sensor.yaml", f"model: {rig.lidar.sensor.name}\n{correction}{compensated(rig)}")
         poses = Tr @ rig.poses @ se3.inverse(Tr)
         write_text(self._folder / "poses" / f"{SEQUENCE}.txt", kitti_text(se3.inverse(poses[0]) @ poses))
+
+    def holds(self, count: int) -> bool:
+        """See `Layout`."""
+        return False
+
+    def put_together(self, rig: Rig, count: int) -> None:
+        """See `Layout`."""
 
 
 class FolderLayout:
@@ -82,10 +99,19 @@ class FolderLayout:
 
     A sweep begins where the head points to the rear. The clock starts with the first sweep. poses.txt has
     T_world_lidar at the stamps, the LiDAR's poses at that instant of each sweep; images are of mid-sweep.
+
+    Args:
+        folder: To write into.
+        period: Seconds of a sweep.
+        stamp: The instant of it that stamps and poses belong to.
+        fill: Makes the points of a scan and the number of its frame; by default FIELDS.
     """
 
-    def __init__(self, folder: Path, period: float, stamp: str) -> None:
+    def __init__(
+        self, folder: Path, period: float, stamp: str, fill: Callable[[Scan, int], Array] | None = None
+    ) -> None:
         self._folder, self._period, self._instant = folder, period, INSTANTS[stamp]
+        self._fill = fill or self._points
 
     def files(self, number: int) -> dict[str, Path]:
         """See `Layout`."""
@@ -99,8 +125,8 @@ class FolderLayout:
     def write(self, frame: SimulatedFrame, number: int) -> None:
         """See `Layout`."""
         files = self.files(number)
-        _write_truth(files, frame)
-        _write(files["scan"], _pcd(self._points(frame.scan)))
+        write_truth(files, frame)
+        write_bytes(files["scan"], _pcd(self._fill(frame.scan, number)))
 
     def write_surroundings(self, rig: Rig, stamps: Array) -> None:
         """See `Layout`."""
@@ -111,9 +137,16 @@ class FolderLayout:
         matrices = {"K": rig.calibration.K, "T_camera_lidar": rig.calibration.T_camera_lidar}
         calibration = "".join(f"{name}: {matrix.tolist()}\n" for name, matrix in matrices.items())
         write_text(self._folder / "calib.yaml", calibration)
-        write_text(self._folder / "sensor.yaml", f"model: {rig.lidar.sensor.name}\n{_compensated(rig)}")
+        write_text(self._folder / "sensor.yaml", f"model: {rig.lidar.sensor.name}\n{compensated(rig)}")
 
-    def _points(self, scan: Scan) -> Array:
+    def holds(self, count: int) -> bool:
+        """See `Layout`."""
+        return False
+
+    def put_together(self, rig: Rig, count: int) -> None:
+        """See `Layout`."""
+
+    def _points(self, scan: Scan, number: int) -> Array:
         """(N,) of FIELDS."""
         points = np.empty(len(scan.xyz), FIELDS)
         for axis, name in enumerate("xyz"):
@@ -123,18 +156,19 @@ class FolderLayout:
         return points[np.argsort(scan.fraction, kind="stable")]
 
 
-def _compensated(rig: Rig) -> str:
+def compensated(rig: Rig) -> str:
+    """The line of a sensor.yaml."""
     return f"motion_compensated: {'false' if rig.distort else 'true'}\n"
 
 
-def _write_truth(files: dict[str, Path], frame: SimulatedFrame) -> None:
+def write_truth(files: dict[str, Path], frame: SimulatedFrame) -> None:
     """Image, depth and exact scan, where the frame has them."""
     if frame.image is not None:
-        _write(files["image"], _png(frame.image[..., ::-1]))
+        write_bytes(files["image"], _png(frame.image[..., ::-1]))
     if frame.depth is not None:
-        _write(files["depth"], _png(np.minimum(np.round(frame.depth * DEPTH_SCALE), 65535).astype(np.uint16)))
+        write_bytes(files["depth"], _png(np.minimum(np.round(frame.depth * DEPTH_SCALE), 65535).astype(np.uint16)))
     if frame.exact is not None:
-        _write(files["exact"], _bin(frame.exact))
+        write_bytes(files["exact"], _bin(frame.exact))
 
 
 def _bin(scan: Scan) -> bytes:
@@ -146,7 +180,9 @@ def _png(image: Array) -> bytes:
 
 
 def _pcd(points: Array) -> bytes:
-    """A structured array (N,) as binary PCD, version 0.7."""
+    """A structured array, (N,) or organised (H, W), as binary PCD, version 0.7."""
+    height, width = points.shape if points.ndim > 1 else (1, len(points))
+    points = repack_fields(points)
     types = [points.dtype[name] for name in points.dtype.names or ()]
     header = {
         "VERSION": "0.7",
@@ -154,16 +190,17 @@ def _pcd(points: Array) -> bytes:
         "SIZE": " ".join(str(kind.itemsize) for kind in types),
         "TYPE": " ".join(kind.kind.upper() for kind in types),
         "COUNT": " ".join("1" for _ in types),
-        "WIDTH": len(points),
-        "HEIGHT": 1,
+        "WIDTH": width,
+        "HEIGHT": height,
         "VIEWPOINT": "0 0 0 1 0 0 0",
-        "POINTS": len(points),
+        "POINTS": points.size,
         "DATA": "binary",
     }
     lines = "".join(f"{key} {value}\n" for key, value in header.items())
     return lines.encode() + points.tobytes()
 
 
-def _write(path: Path, content: bytes) -> None:
+def write_bytes(path: Path, content: bytes) -> None:
+    """A file, whole or not at all."""
     with written_beside(path) as temporary:
         temporary.write_bytes(content)

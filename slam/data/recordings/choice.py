@@ -104,6 +104,11 @@ def mounting_of(recording: Recording) -> Mounting:
     return mounting
 
 
+def is_rectified(images: str) -> bool:
+    """Whether the images of a topic are rectified, by its name: image_rect, image_rect_color/compressed."""
+    return "rect" in TRANSPORT.sub("", images).rpartition("/")[2]
+
+
 def _camera(images: str) -> str:
     """The name space of a camera by its topic of images."""
     return TRANSPORT.sub("", images).rpartition("/")[0]
@@ -124,9 +129,7 @@ def _choice(known: Sequence[Topic]) -> str:
     return f"; there are {', '.join(map(str, known))}" if known else "; there are none"
 
 
-def _several(
-    recording: Recording, known: Sequence[Topic], best: Topic, what: str, option: str
-) -> tuple[Problem, ...]:
+def _several(recording: Recording, known: Sequence[Topic], best: Topic, what: str, option: str) -> tuple[Problem, ...]:
     if len(known) < 2:
         return ()
     text = f"{recording.path}: {what} on {', '.join(map(str, known))}; {best.name} is used, {option} chooses"

@@ -15,7 +15,7 @@ from slam.data.files import SCAN_PERIOD
 from slam.data.point_blocks import UnreadableError
 from slam.data.point_files import Points, points_of
 from slam.data.problem import Problem
-from slam.data.recordings.choice import cloud_topic, image_topic, info_topic, mounting_of, truth_topic
+from slam.data.recordings.choice import cloud_topic, image_topic, info_topic, is_rectified, mounting_of, truth_topic
 from slam.data.recordings.clock import Stamped, clock_problems, seconds, stamped
 from slam.data.recordings.clouds import CLOUDS
 from slam.data.recordings.images import calibration_of, image_of
@@ -201,12 +201,10 @@ class RecordedDrive:
         T = mounting.between(camera, lidar)
         if T is None:
             return f"no transform between its frame '{camera}' and the LiDAR's '{lidar}'; {remedy}"
-        found = calibration_of(message, "rect" in topic.name.rpartition("/")[2], T)
+        found = calibration_of(message, is_rectified(topic.name), T)
         return f"{found}; {remedy}" if isinstance(found, str) else found
 
-    def _truth(
-        self, said: str | None, clouds: Stamped, mounting: Mounting
-    ) -> tuple[Array | None, tuple[Problem, ...]]:
+    def _truth(self, said: str | None, clouds: Stamped, mounting: Mounting) -> tuple[Array | None, tuple[Problem, ...]]:
         topic, odd = truth_topic(self.recording, said)
         if topic is None:
             return None, odd

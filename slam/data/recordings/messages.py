@@ -48,9 +48,17 @@ def byte_order(content: bytes) -> str:
 
 @lru_cache(maxsize=2)
 def _types(encoding: str) -> Any:
-    from rosbags.typesys import Stores, get_typestore
+    return type_store(encoding == ROS1)
 
-    return get_typestore(Stores.ROS1_NOETIC if encoding == ROS1 else Stores.ROS2_HUMBLE)
+
+def type_store(ros1: bool) -> Any:
+    """rosbags' store of the types of ROS 1 or ROS 2. That of ROS 1 lacks TFMessage."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    if ros1:
+        types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms\n", TRANSFORMS))
+    return types
 
 
 def read_message(content: bytes, kind: str, encoding: str) -> Any:
