@@ -223,9 +223,16 @@ def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
     """The frames of a data set as the source of a run. Raises InputError where none are left."""
     positions = chosen_positions(dataset, frames)
     truth = None if dataset.ground_truth is None else dataset.ground_truth[positions]
-    verdict, stamps_from = (getattr(dataset, name, None) for name in ("point_times", "stamps_from"))
     return Source(
-        dataset.name, dataset.path, dataset.sensor, dataset.calibration, positions, truth, verdict, stamps_from
+        dataset.name,
+        dataset.path,
+        dataset.sensor,
+        dataset.calibration,
+        positions,
+        truth,
+        point_times=getattr(dataset, "point_times", None),
+        stamps_from=getattr(dataset, "stamps_from", None),
+        topics=getattr(dataset, "topics", {}),
     )
 
 

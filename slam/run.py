@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -67,6 +68,7 @@ class Source:
         ground_truth: (N, 4, 4) T_world_lidar of these frames, NaN where unknown, or None.
         point_times: The verdict on the times of the drive's points, None where nobody gave one.
         stamps_from: Where the scans' stamps are from, None where nobody said.
+        topics: Of a recording, those that are used, by 'points', 'images' and 'truth'.
     """
 
     name: str = "live"
@@ -77,6 +79,7 @@ class Source:
     ground_truth: Array | None = None
     point_times: PointTimes | None = None
     stamps_from: str | None = None
+    topics: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(eq=False)

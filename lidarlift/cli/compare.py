@@ -11,15 +11,21 @@ import typer
 from lidarlift.cli.arguments import (
     ConfigOption,
     DatasetArgument,
+    DurationOption,
     EnricherOption,
     FramesOption,
+    ImageTopicOption,
     PointTimeOption,
     SensorOption,
     SequenceOption,
     SetOption,
     StampOption,
+    StartOption,
     StrictOption,
+    TopicOption,
+    TruthTopicOption,
     frame_slice,
+    seconds,
 )
 from lidarlift.cli.console import Console
 from lidarlift.comparing import compare_into, inputs_of, rows_for, title_of
@@ -38,6 +44,11 @@ def compare(
     sensor: SensorOption = None,
     stamp: StampOption = None,
     point_time: PointTimeOption = None,
+    topic: TopicOption = None,
+    image_topic: ImageTopicOption = None,
+    truth_topic: TruthTopicOption = None,
+    start: StartOption = None,
+    duration: DurationOption = None,
     out: Annotated[Path | None, typer.Option(help="The folder for the runs. Default: runs/NAME-compared.")] = None,
     strict: StrictOption = False,
 ) -> None:
@@ -49,7 +60,18 @@ def compare(
     """
     from slam.data.dataset import open_dataset
 
-    data = open_dataset(dataset, sequence, sensor, stamp=stamp and stamp.value, point_time=point_time)
+    data = open_dataset(
+        dataset,
+        sequence,
+        sensor,
+        stamp=stamp and stamp.value,
+        point_time=point_time,
+        topic=topic,
+        image_topic=image_topic,
+        truth_topic=truth_topic,
+        start=seconds(start, "--start"),
+        duration=seconds(duration, "--duration"),
+    )
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
     rows, chosen = rows_for(inputs_of(data), enricher, config, set_ or ()), frame_slice(frames)
     comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)

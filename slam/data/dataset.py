@@ -27,7 +27,8 @@ class Dataset(Protocol):
     problems      what is wrong with the data set as a whole; `Frame.problems` is for single scans
 
     Those of this package also have `point_times`, the verdict on the points' times (`PointTimes`), `stamps_from`, the
-    place that stamps are from, and where it is not simply the usual step between stamps `scan_period` [s].
+    place that stamps are from, of a recording the `topics` in use, and where it is not simply the usual step between
+    stamps `scan_period` [s].
     """
 
     @property

@@ -56,8 +56,8 @@ class RecordedDrive:
         duration: of those that are used. By default all.
 
     Attributes:
-        recording: The topics, their types, counts and rates.
-        used: The topics in use, by 'points', 'images' and 'truth'.
+        recording: All that there is: topics, their types, counts and rates.
+        topics: Those in use, by 'points', 'images' and 'truth'.
     """
 
     LAYOUT = "a recording (.bag, .db3, .mcap)"
@@ -87,7 +87,7 @@ class RecordedDrive:
         self.name = path.resolve().stem if path.is_file() else path.resolve().name
         self.recording = Recording(path, recordings_at(path)[""])
         self._topic, several = cloud_topic(self.recording, topic)
-        self.used = {"points": self._topic.name}
+        self.topics = {"points": self._topic.name}
         chosen = self._in_window(self._topic, start, duration)
         clouds = _in_order(stamped(self.recording, self._topic.name, chosen))
         self.numbers = clouds.numbers
@@ -116,10 +116,10 @@ class RecordedDrive:
         points = self._points(number)
         cloud, odd = self._columns.cloud(points, stamp, self._name(number))
         problems, read = points.problems + odd, _no_image
-        if self.calibration is not None and "images" in self.used:
+        if self.calibration is not None and "images" in self.topics:
             read = self._image_reader(int(self._images[position]))
             if self._images[position] < 0:
-                text = f"{self.path}: {self.used['images']} has no image for scan {number}"
+                text = f"{self.path}: {self.topics['images']} has no image for scan {number}"
                 problems += (Problem("missing image", f"{text}; its points stay without colour"),)
         return Frame(number, stamp, cloud, self.calibration, read, problems)
 
@@ -183,7 +183,7 @@ class RecordedDrive:
         found = self._calibration(topic, clouds.frame, images.frame, mounting, folder)
         if isinstance(found, str):
             return None, none, (Problem("no calibration", f"{self.path}: {topic.name}: {found}"),)
-        self.used["images"] = topic.name
+        self.topics["images"] = topic.name
         matched = _nearest(images.on(clouds), self.stamps + self._middle, usual_step(self.stamps) or SCAN_PERIOD)
         return found, np.where(matched < 0, -1, numbers[matched]) if len(numbers) else none, several
 
@@ -210,7 +210,7 @@ class RecordedDrive:
             return None, odd
         truth, problems = read_truth(self.recording, topic, clouds, self.stamps, mounting)
         if truth is not None:
-            self.used["truth"] = topic.name
+            self.topics["truth"] = topic.name
         return truth, (*odd, *problems)
 
     @property
@@ -229,7 +229,7 @@ class RecordedDrive:
         """A function that reads an image (H, W, 3) uint8 RGB; it gives None without a number or for a damaged one."""
         if number < 0:
             return _no_image
-        topic = self.recording.topics[self.used["images"]]
+        topic = self.recording.topics[self.topics["images"]]
 
         def read() -> Array | None:
             try:
