@@ -11,10 +11,11 @@ from urllib.parse import quote
 import numpy as np
 
 from slam.data.point_blocks import UnreadableError
-from slam.data.recordings.container import CDR, Channel, Series, unpack_zstd
+from slam.data.recordings.container import CDR, Channel, Series, number, unpack_zstd
 from slam.data.recordings.mcap import ZSTD
 
 AT_ONCE = 1 << 14
+HEAD = 100  # bytes of the file's header
 
 
 class Sqlite:
@@ -31,8 +32,13 @@ class Sqlite:
         self.series: dict[int, Series] = {}
         self.fault = ""
         with path.open("rb") as file:
-            if file.read(15) != b"SQLite format 3":
-                raise UnreadableError("no SQLite file")
+            head = file.read(HEAD)
+        if head[:15] != b"SQLite format 3":
+            raise UnreadableError("no SQLite file")
+        size, pages = path.stat().st_size, number(head, ">I", 28)
+        page = number(head, ">H", 16)
+        if size < pages * (65536 if page == 1 else page):
+            self.fault = f"cut off after {size} bytes: its end is missing"
         # A recorder that was stopped leaves its last messages in a file beside, which an immutable one would not see.
         beside = path.with_name(path.name + "-wal")
         self._modes = (*(("mode=ro",) if beside.exists() else ()), "immutable=1")
@@ -43,7 +49,7 @@ class Sqlite:
             try:
                 self._read_places(database)
             except sqlite3.DatabaseError as error:
-                self.fault = f"damaged or cut off ({error}); {sum(s.count for s in self.series.values())} messages"
+                self.fault = self.fault or f"damaged ({error})"
 
     def _read_places(self, database: sqlite3.Connection) -> None:
         """In the order of the file: an index of times may be damaged where the messages are not."""
@@ -86,6 +92,7 @@ class Sqlite:
                 continue
             with closing(database):
                 try:
+                    database.execute("PRAGMA writable_schema=ON")  # or SQLite refuses a file that is cut off
                     database.execute("SELECT 1 FROM topics LIMIT 1")
                 except sqlite3.Error as error:
                     fault = error
