@@ -11,7 +11,7 @@ import typer
 from slam.data.errors import InputError
 
 if TYPE_CHECKING:
-    from slam.data.cloud import Array
+    from slam.data.cloud import Array, PointCloud
 
 
 class Format(StrEnum):
@@ -19,6 +19,7 @@ class Format(StrEnum):
     TUM = "tum"
     PCD = "pcd"
     PLY = "ply"
+    MCAP = "mcap"
 
 
 class Axes(StrEnum):
@@ -30,7 +31,11 @@ def export(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A folder that `lidarlift run` wrote.")],
     out: Annotated[Path, typer.Argument(help="The file to write.")],
     format: Annotated[
-        Format | None, typer.Option(help="kitti or tum: the trajectory; pcd or ply: the map. Default: by the suffix.")
+        Format | None,
+        typer.Option(
+            help="kitti or tum: the trajectory; pcd or ply: the map; mcap: both, for RViz and Foxglove. Default: by "
+            "the suffix."
+        ),
     ] = None,
     frame: Annotated[
         Axes, typer.Option(help="lidar: x forward, z up, as in the run; camera: KITTI's camera 0, z forward.")
@@ -47,7 +52,7 @@ def export(
     else:
         suffix = f".{kind.value}"
         out = out if out.suffix.lower() == suffix else out.with_name(out.name + suffix)
-        _export_map(folder, out, T)
+        (_export_recording if kind is Format.MCAP else _export_map)(folder, out, T)
     print(f"Written to {out}")
 
 
@@ -68,8 +73,8 @@ def _new_axes(folder: Path, frame: Axes) -> Array:
 
 def _format_of(out: Path) -> Format:
     suffix = out.suffix.lower().removeprefix(".")
-    if suffix not in ("pcd", "ply"):
-        raise InputError(f"{out}: say what to write, --format kitti, tum, pcd or ply")
+    if suffix not in ("pcd", "ply", "mcap"):
+        raise InputError(f"{out}: say what to write, --format kitti, tum, pcd, ply or mcap")
     return Format(suffix)
 
 
@@ -86,12 +91,28 @@ def _export_trajectory(folder: Path, out: Path, kind: Format, T: Array) -> None:
 
 
 def _export_map(folder: Path, out: Path, T: Array) -> None:
+    from slam.data.point_writer import write_points
+
+    write_points(out, _map(folder).transformed(T))
+
+
+def _export_recording(folder: Path, out: Path, T: Array) -> None:
+    import numpy as np
+
+    from slam.data.pose_files import read_poses
+    from slam.data.recordings.export import write_mcap
+    from slam.data.se3 import inverse
+
+    stamps, poses = read_poses(folder / "trajectory_tum.txt")
+    write_mcap(out, np.asarray(stamps), T @ poses @ inverse(T), _map(folder).transformed(T))
+
+
+def _map(folder: Path) -> PointCloud:
     import numpy as np
 
     from slam.data.cloud import PointCloud
     from slam.data.point_files import read_points
-    from slam.data.point_writer import write_points
 
     points = read_points(folder / "map.pcd")
     intensity = np.zeros(len(points.xyz)) if points.intensity is None else points.intensity
-    write_points(out, PointCloud(points.xyz, intensity, colour=points.colour).transformed(T))
+    return PointCloud(points.xyz, intensity, colour=points.colour)

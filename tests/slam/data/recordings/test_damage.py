@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +23,6 @@ from slam.data.recordings.writer import FORMS, RecordingWriter
 from tests.slam.data.recordings.conftest import SCANS, clouds, nanoseconds, sweep
 
 Record = Callable[..., Path]
-CHUNK = 1 << 20
 
 
 def long(count: int) -> list[Any]:
@@ -75,9 +75,7 @@ def test_a_database_cut_off_in_the_middle(record: Record, share: float) -> None:
     assert all(data[number].problems[0].kind == "missing scan" for number in lost)
 
 
-def test_the_last_messages_of_a_database_lie_beside_it(record: Record, tmp_path: Path) -> None:
-    import sqlite3
-
+def test_the_last_messages_of_a_database_lie_beside_it(record: Record) -> None:
     path = record(clouds(count=4), "ros2")
     recorder = sqlite3.connect(path)
     recorder.execute("PRAGMA journal_mode=WAL")
@@ -107,7 +105,7 @@ def test_an_mcap_without_summary_is_read_from_its_chunks(record: Record) -> None
     assert len(expect_whole(path, 8, 8)) == 8
 
 
-def test_an_mcap_without_chunks(record: Record, tmp_path: Path) -> None:
+def test_an_mcap_without_chunks(tmp_path: Path) -> None:
     """As rosbag2's fast writer leaves it: schema, channel and messages one after the other."""
     events, path = long(5), tmp_path / "bare.mcap"
 
