@@ -138,7 +138,7 @@ def test_an_imu_measures_the_motion() -> None:
     """In a circle of 10 m at 5 m/s: 0.5 rad/s, and 2.5 m/s^2 towards its middle, on the left."""
     stamps = np.arange(0, 20, 0.1)
     poses = np.tile(np.eye(4), (len(stamps), 1, 1))
-    poses[:, :3, :3] = Rotation.from_euler("z", 0.5 * stamps).as_matrix()
+    poses[:, :3, :3] = Rotation.from_euler("z", 0.5 * stamps[:, None]).as_matrix()
     poses[:, 0, 3], poses[:, 1, 3] = 10 * np.sin(0.5 * stamps), 10 - 10 * np.cos(0.5 * stamps)
     tilted = poses @ np.diag([1.0, -1, -1, 1])  # its z axis points down
     for pose, rate, force in ((poses, [0, 0, 0.5], [0, 2.5, GRAVITY]), (tilted, [0, 0, -0.5], [0, -2.5, -GRAVITY])):
