@@ -100,7 +100,7 @@ class Chunked:
     """
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
-        self.path, self._wanted = path, wanted
+        self.path, self._wanted, self._size = path, wanted, path.stat().st_size
         self.channels: dict[int, Channel] = {}
         self.series: dict[int, Series] = {}
         self.fault = ""
@@ -120,10 +120,8 @@ class Chunked:
             if block in self._unpacked:
                 self._unpacked.move_to_end(block)
                 return self._unpacked[block]
-        start, size, packing, length = self.blocks[block]
-        with self.path.open("rb") as file:
-            file.seek(start)
-            content = unpack(file.read(size), packing, length)
+        _, size, packing, length = self.blocks[block]
+        content = unpack(self._bytes(block, 0, size), packing, length)
         with self._lock:
             self._unpacked[block] = content
             while len(self._unpacked) > CACHED:
@@ -132,13 +130,22 @@ class Chunked:
 
     def window(self, block: int, offset: int, size: int) -> bytes:
         """Up to `size` bytes from `offset` on in a chunk, or in the file where `block` is -1."""
-        packing = "" if block < 0 else self.blocks[block].packing
-        if packing in ("", "none"):
-            start, end = (0, LARGEST << 20) if block < 0 else (self.blocks[block].start, self.blocks[block].size)
-            with self.path.open("rb") as file:
-                file.seek(start + offset)
-                return file.read(max(0, min(size, end - offset)))
+        if block < 0 or self.blocks[block].packing in ("", "none"):
+            return self._bytes(block, offset, size)
         return self.unpacked(block)[offset : offset + size]
+
+    def _bytes(self, block: int, offset: int, size: int) -> bytes:
+        """The same of what is in the file, whatever it says of sizes."""
+        start, end = 0, self._size
+        if block >= 0:
+            start, length, _, _ = self.blocks[block]
+            end = min(end, start + length)
+        size = min(size, end - start - offset)
+        if size <= 0:
+            return b""
+        with self.path.open("rb") as file:  # opened anew each time, for any thread may ask
+            file.seek(start + offset)
+            return file.read(size)
 
 
 def unpack(content: bytes, packing: str, length: int) -> bytes:
@@ -146,28 +153,28 @@ def unpack(content: bytes, packing: str, length: int) -> bytes:
     if length > LARGEST:
         raise UnreadableError(f"a chunk of {length} bytes")
     try:
-        return UNPACK[packing](content)
+        return UNPACK[packing](content, length)
     except KeyError:
         raise UnreadableError(f"chunks packed by '{packing}'; known: {', '.join(filter(None, UNPACK))}") from None
     except (OSError, RuntimeError, ValueError, EOFError) as error:
         raise UnreadableError(f"a chunk that cannot be unpacked ({error})") from error
 
 
-def unpack_lz4(content: bytes) -> bytes:
-    """LZ4's frame format."""
+def unpack_lz4(content: bytes, length: int) -> bytes:
+    """LZ4's frame format, up to `length` bytes."""
     import lz4.frame
 
-    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(content))
+    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(content, length))
 
 
-def unpack_zstd(content: bytes) -> bytes:
-    """One or more Zstandard frames."""
+def unpack_zstd(content: bytes, length: int = LARGEST) -> bytes:
+    """One or more Zstandard frames, up to `length` bytes each."""
     module = _zstd()
     result = b""
     try:
         while content:
             decompressor = module.ZstdDecompressor()
-            result += decompressor.decompress(content)
+            result += decompressor.decompress(content, length)
             content = decompressor.unused_data if decompressor.eof else b""
     except module.ZstdError as error:
         raise ValueError(str(error)) from error
@@ -183,10 +190,10 @@ def _zstd() -> Any:
     return zstd
 
 
-UNPACK: dict[str, Callable[[bytes], bytes]] = {
-    "": lambda content: content,
-    "none": lambda content: content,
-    "bz2": lambda content: bz2.BZ2Decompressor().decompress(content),
+UNPACK: dict[str, Callable[[bytes, int], bytes]] = {
+    "": lambda content, _: content,
+    "none": lambda content, _: content,
+    "bz2": lambda content, length: bz2.BZ2Decompressor().decompress(content, length),
     "lz4": unpack_lz4,
     "zstd": unpack_zstd,
 }

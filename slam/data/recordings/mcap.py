@@ -61,8 +61,11 @@ class Mcap(Chunked):
             start = number(footer, "<Q", 9)
             if 0 < start < size:
                 file.seek(start)
-                for _, op, content in _records(file):
-                    self._note(op, content)
+                try:
+                    for _, op, content in _records(file):
+                        self._note(op, content)
+                except UnreadableError as error:
+                    self.fault = f"a damaged summary ({error})"
         else:
             self.fault = f"cut off after {size} bytes: its end is missing"
         file.seek(len(MAGIC))
@@ -135,8 +138,8 @@ class Mcap(Chunked):
         if not places or any(channel not in self.channels for channel, _ in places):
             try:
                 places = self._look_through(self.unpacked(last))
-            except UnreadableError as error:
-                self.fault = f"{error}; what is in it is left out"
+            except (UnreadableError, struct.error) as error:
+                self.fault = f"a damaged chunk ({error}); what is in it is left out"
                 return
         for channel, found in places:
             if channel in self.channels:

@@ -71,7 +71,7 @@ class Rosbag1(Chunked):
                 if op == CHUNK:
                     self._finish(places)
                     places = []
-                    packing = header["compression"].decode()
+                    packing = header["compression"].decode("latin-1")
                     self.blocks.append(Block(file.tell(), length, packing, number(header["size"], "<I")))
                 file.seek(length, 1)
             except (EOFError, UnreadableError, KeyError, ValueError) as error:
@@ -99,8 +99,8 @@ class Rosbag1(Chunked):
 
     def _connection(self, header: Header, data: bytes) -> None:
         about = _fields(data)
-        package, _, name = about["type"].decode().partition("/")
-        topic = header["topic"].decode()
+        package, _, name = about["type"].decode("utf-8", "replace").partition("/")
+        topic = header["topic"].decode("utf-8", "replace")
         self.channels[number(header["conn"], "<I")] = Channel(topic, f"{package}/msg/{name}", ROS1)
 
     def _finish(self, places: list[tuple[int, Array]]) -> None:
@@ -111,8 +111,8 @@ class Rosbag1(Chunked):
         if not places or any(connection not in self.channels for connection, _ in places):
             try:
                 places = self._look_through(self.unpacked(last))
-            except UnreadableError as error:
-                self.fault = f"{error}; what is in it is left out"
+            except (UnreadableError, KeyError, struct.error) as error:
+                self.fault = f"a damaged chunk ({error}); what is in it is left out"
                 return
         for connection, found in places:
             if connection in self.channels:

@@ -44,8 +44,9 @@ class Sqlite:
         self._modes = (*(("mode=ro",) if beside.exists() else ()), "immutable=1")
         with self._opened() as database:
             for row in database.execute("SELECT id, name, type, serialization_format FROM topics"):
-                self.channels[row[0]] = Channel(row[1], row[2], CDR if row[3] == "cdr" else row[3])
-                self.series[row[0]] = Series(row[2] in wanted)
+                if [type(value) for value in row] == [int, str, str, str]:  # anything else is damage
+                    self.channels[row[0]] = Channel(row[1], row[2], CDR if row[3] == "cdr" else row[3])
+                    self.series[row[0]] = Series(row[2] in wanted)
             try:
                 self._read_places(database)
             except sqlite3.DatabaseError as error:
@@ -57,7 +58,8 @@ class Sqlite:
         some: list[tuple[int, int, int]] = []
         try:
             for row in rows:
-                some.append(row)
+                if all(type(value) is int for value in row):
+                    some.append(row)
                 if len(some) == AT_ONCE:
                     self._add(some)
                     some = []
