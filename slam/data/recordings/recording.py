@@ -82,12 +82,17 @@ class Recording:
 
     def __init__(self, path: Path, files: Sequence[Path]) -> None:
         self.path = path
-        self._files = [_opened(file) for file in files]
-        self.problems = tuple(
-            Problem("damaged recording", f"{file.path}: {file.fault}; what is whole is used")
-            for file in self._files
-            if file.fault
-        )
+        self._files: list[Container] = []
+        faults = []
+        for file in files:
+            try:
+                self._files.append(_opened(file))
+            except InputError as error:  # the last part of a recording that broke off may be empty
+                faults.append(str(error))
+        if not self._files:
+            raise InputError(faults[0])
+        faults += [f"{file.path}: {file.fault}" for file in self._files if file.fault]
+        self.problems = tuple(Problem("damaged recording", f"{fault}; what is whole is used") for fault in faults)
 
     @cached_property
     def topics(self) -> dict[str, Topic]:

@@ -100,6 +100,11 @@ def test_parts_of_one_recording_follow_each_other(record: Record, tmp_path: Path
     np.testing.assert_array_equal(data[4].cloud.xyz[:, 0].max(), sweep(4).xyz[:, 0].max())
     assert len(data) == SCANS
     assert data.problems == ()
+    (folder / "drive_11.mcap").touch()
+    broken = opened(folder)
+    assert len(broken) == SCANS
+    assert kinds(broken) == ["damaged recording"]
+    assert "drive_11.mcap: no MCAP file; what is whole is used" in broken.problems[0].message
 
 
 def test_several_recordings_in_a_folder_are_sequences(record: Record, tmp_path: Path) -> None:
