@@ -264,6 +264,7 @@ def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
         {order: poses[positions] for order, poses in getattr(dataset, "truth_readings", {}).items()},
         getattr(dataset, "point_times", None),
         getattr(dataset, "stamps_from", None),
+        getattr(dataset, "topics", {}),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
@@ -28,7 +29,9 @@ class Stamp(StrEnum):
     END = "end"
 
 
-DatasetArgument = Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")]
+DatasetArgument = Annotated[
+    Path, typer.Argument(help="A KITTI odometry or raw folder, a recording (.bag, .db3, .mcap), or a folder of scans.")
+]
 SequenceOption = Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")]
 FramesOption = Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")]
 SensorOption = Annotated[str | None, typer.Option(help=f"{', '.join(SENSORS.names())} or a YAML file with the beams.")]
@@ -62,6 +65,34 @@ PointTimeOption = Annotated[
     str | None,
     typer.Option(metavar="FIELD[:UNIT]", help="The field with the points' times: t:ns. Default: found by its values."),
 ]
+
+
+TopicOption = Annotated[
+    str | None, typer.Option(help="Of a recording: the scans' topic. Default: the one with times, rings, most points.")
+]
+ImageTopicOption = Annotated[
+    str | None, typer.Option(help="Of a recording: the images' topic. Default: one with a CameraInfo.")
+]
+TruthTopicOption = Annotated[
+    str | None, typer.Option(help="Of a recording: the true poses' topic. Default: one that is called truth.")
+]
+StartOption = Annotated[
+    str | None, typer.Option(metavar="TIME", help="Of a recording: leave out so much at its start, as in 120s or 2m.")
+]
+DurationOption = Annotated[
+    str | None, typer.Option(metavar="TIME", help="Of a recording: only so much of it, as in 60s.")
+]
+TIME_UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
+
+
+def seconds(text: str | None, option: str) -> float | None:
+    """A time like 120s, 2m or 1.5h in seconds. Raises InputError on anything else."""
+    if text is None:
+        return None
+    found = re.fullmatch(r"([0-9]+\.?[0-9]*|\.[0-9]+) ?([a-z]*)", text.strip())
+    if not found or found[2] not in TIME_UNITS:
+        raise InputError(f"{option} {text}: write a time, as in 120s, 2m or 1.5h")
+    return float(found[1]) * TIME_UNITS[found[2]]
 
 
 def frame_slice(text: str) -> slice:

@@ -11,16 +11,22 @@ from lidarlift.cli.arguments import (
     ColumnsOption,
     ConfigOption,
     DatasetArgument,
+    DurationOption,
     EnricherOption,
     FramesOption,
+    ImageTopicOption,
     InputOption,
     PointTimeOption,
     SensorOption,
     SequenceOption,
     SetOption,
     StampOption,
+    StartOption,
     StrictOption,
+    TopicOption,
+    TruthTopicOption,
     frame_slice,
+    seconds,
 )
 from lidarlift.cli.console import Console
 from lidarlift.front_ends import settings_for
@@ -39,6 +45,11 @@ def run(
     stamp: StampOption = None,
     point_time: PointTimeOption = None,
     columns: ColumnsOption = None,
+    topic: TopicOption = None,
+    image_topic: ImageTopicOption = None,
+    truth_topic: TruthTopicOption = None,
+    start: StartOption = None,
+    duration: DurationOption = None,
     odometry: Annotated[
         Path | None,
         typer.Option(help="LiDAR poses of another odometry instead, one a scan, KITTI or TUM format."),
@@ -54,7 +65,16 @@ def run(
     from slam.data.dataset import open_dataset
     from slam.session import read_report
 
-    said = {"stamp": stamp and stamp.value, "point_time": point_time, "columns": columns}
+    said: dict[str, Any] = {
+        "stamp": stamp and stamp.value,
+        "point_time": point_time,
+        "columns": columns,
+        "topic": topic,
+        "image_topic": image_topic,
+        "truth_topic": truth_topic,
+        "start": seconds(start, "--start"),
+        "duration": seconds(duration, "--duration"),
+    }
     data = open_dataset(dataset, sequence, sensor, **said)
     chosen = settings_for(data.sensor, input and input.value, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
@@ -83,10 +103,15 @@ def _summary(report: dict[str, Any]) -> str:
         f"registration {odometry['registration']} against the {odometry['target']}{_cells(protocol['sizes_m'])}\n"
         f"{counts['frames']} frames, {report['path_length_m']:.2f} m; {counts['retried']} registered after a search, "
         f"{counts['failed']} failed; map of {report['map_points']:,} points\n"
-        f"{protocol['point_times']}\n"
+        f"{_topics(protocol['topics'])}{protocol['point_times']}\n"
         f"{notes}{_loops(report['loops'])}\n"
         f"Median: odometry {times['odometry']['median']:.1f} ms a frame; beside it {', '.join(beside)}\n"
     )
+
+
+def _topics(used: dict[str, str]) -> str:
+    """The topics of a recording."""
+    return f"topics: {', '.join(f'{use} {topic}' for use, topic in used.items())}\n" if used else ""
 
 
 def _cells(sizes: dict[str, Any] | None) -> str:

@@ -22,6 +22,19 @@ class Format(StrEnum):
 
     KITTI = "kitti"
     FOLDER = "folder"
+    BAG = "bag"
+    ROS2 = "ros2"
+    MCAP = "mcap"
+
+
+class Driver(StrEnum):
+    """Driver whose point fields are written."""
+
+    VELODYNE = "velodyne"
+    OUSTER = "ouster"
+    HESAI = "hesai"
+    ROBOSENSE = "robosense"
+    LIVOX = "livox"
 
 
 def simulate(
@@ -62,11 +75,24 @@ def simulate(
     ] = False,
     format: Annotated[
         Format,
-        typer.Option(help="kitti: layout of KITTI odometry; folder: .pcd scans with ring and time of each point."),
+        typer.Option(
+            help="kitti: layout of KITTI odometry; folder: .pcd scans with ring and time of each point; bag, ros2, "
+            "mcap: a recording of ROS 1, of ROS 2 in SQLite or MCAP, with camera, IMU, GNSS and true poses."
+        ),
     ] = Format.KITTI,
+    driver: Annotated[
+        Driver | None,
+        typer.Option(
+            help="Driver whose fields the points have. Default: none in a folder, the LiDAR's own in a recording."
+        ),
+    ] = None,
     stamp: Annotated[
-        Stamp, typer.Option(help="Instant of a sweep to which its stamp and true pose refer, for --format folder.")
-    ] = Stamp.MIDDLE,
+        Stamp | None,
+        typer.Option(
+            help="Instant of a sweep to which its stamp and true pose refer, in a folder or a recording. Default: the "
+            "driver's, else the middle."
+        ),
+    ] = None,
 ) -> None:
     """Simulate a sequence: scans, images, calibration and true poses. An interrupted simulation is resumed.
 
@@ -89,7 +115,8 @@ def simulate(
         height=height,
         tilt=math.radians(tilt),
         format=format.value,
-        stamp=stamp.value,
+        stamp=stamp and stamp.value,
+        driver=driver and driver.value,
     )
     simulation = Simulation(settings)
     count = min(frames or len(simulation), len(simulation))

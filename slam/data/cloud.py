@@ -60,8 +60,8 @@ class PointCloud:
     def __len__(self) -> int:
         return len(self.xyz)
 
-    def select(self, index: Array) -> PointCloud:
-        """The points that a mask (N,) or an index array picks, with all their fields."""
+    def select(self, index: Array | slice) -> PointCloud:
+        """The points that a mask (N,), an index array or a slice picks, with all their fields."""
         return self._map(lambda values: values[index])
 
     def with_xyz(self, xyz: Array) -> PointCloud:

@@ -27,9 +27,9 @@ class Dataset(Protocol):
     problems      what is wrong with the data set as a whole; `Frame.problems` is for single scans
 
     Those of this package also have `point_times`, the verdict on the points' times (`PointTimes`), `stamps_from`, the
-    place that stamps are from, and where it is not simply the usual step between stamps `scan_period` [s];
-    `points(position)`, a scan as its file has it; `images`, the file of each scan's image, or None; `folders` that the
-    drive is read from; and a folder `truth_readings` (see `GroundTruth`).
+    place that stamps are from, of a recording the `topics` in use, and where it is not simply the usual step between
+    stamps `scan_period` [s]; `points(position)`, a scan as its file has it; `images`, the file of each scan's image, or
+    None; `folders` that the drive is read from; and a folder `truth_readings` (see `GroundTruth`).
     """
 
     @property
@@ -85,6 +85,7 @@ DATASETS = Registry[Dataset](
     {
         "kitti-odometry": "slam.data.kitti_odometry:KittiOdometry",
         "kitti-raw": "slam.data.kitti_raw:KittiRaw",
+        "recording": "slam.data.recordings.dataset:RecordedDrive",
         FOLDER: "slam.data.folder:UserFolder",
     },
     "lidarlift.datasets",
@@ -99,12 +100,19 @@ def open_dataset(
     stamp: str | None = None,
     point_time: str | None = None,
     columns: str | None = None,
+    topic: str | None = None,
+    image_topic: str | None = None,
+    truth_topic: str | None = None,
+    start: float | None = None,
+    duration: float | None = None,
 ) -> Dataset:
-    """The drive in a folder: KITTI odometry, KITTI raw, a kind that another package adds, or a folder of scans.
+    """The drive at a path: KITTI odometry, KITTI raw, a recording, a kind that another package adds, or a folder of
+    scans.
 
     Args:
         path: KITTI odometry's root, its `sequences` folder or one sequence; of KITTI raw the root, a date or a drive
-            (`..._sync`); or a folder of scans of the user's own (`UserFolder`).
+            (`..._sync`); a recording, the file or its folder (`RecordedDrive`); or a folder of scans of the user's own
+            (`UserFolder`).
         sequence: Picks one where there are several ('04'; '0005').
         sensor: Overrides what the folder says of the LiDAR (see `load_sensor`).
         stamp: The instant of a sweep that the stamps belong to, 'start', 'middle' or 'end'; by default sensor.yaml's
@@ -112,11 +120,17 @@ def open_dataset(
         point_time: The field with the points' times, FIELD or FIELD:UNIT ('t:ns'); by default likewise.
         columns: What the numbers in the .bin or .npy scans of a folder are, as in 'x,y,z,intensity,ring,time': float32,
             or of the type behind a colon, 't:u4'; '_' for one of no use. By default the numbers have to tell.
+        topic: Of a recording, the scans' topic, and
+        image_topic: the images', and
+        truth_topic: that of the true poses; by default found (see `RecordedDrive`).
+        start: Seconds of a recording that are left out at its start, and
+        duration: of those that are used.
 
     Raises:
         InputError: Nothing fits, the message says what was looked for; or the data set does not take an option.
     """
-    said = {"stamp": stamp, "point_time": point_time, "columns": columns}
+    said = {"stamp": stamp, "point_time": point_time, "columns": columns, "start": start, "duration": duration}
+    said |= {"topic": topic, "image_topic": image_topic, "truth_topic": truth_topic}
     path, loader, found = _drives(path)
     return loader(_pick(path, found, sequence), sensor, **_taken(loader, path, said))
 
@@ -133,7 +147,7 @@ def _drives(path: str | Path) -> tuple[Path, Loader, dict[str, Path]]:
     """The path made absolute, the kind of data set that is there, and its drives by their names."""
     path = Path(path).expanduser()
     if not path.exists():
-        raise InputError(f"{path}: no such folder; name the folder of a drive")
+        raise InputError(f"{path}: no such folder or file; name a drive")
     path = path.resolve() if ".." in path.parts else path.absolute()  # symbolic links stay: poses/ may lie beside them
     layouts = []
     for name in sorted(DATASETS.names(), key=FOLDER.__eq__):  # the folder last: it takes any scans
@@ -142,13 +156,13 @@ def _drives(path: str | Path) -> tuple[Path, Loader, dict[str, Path]]:
             return path, loader, found
         layouts.append(loader.LAYOUT)
     if path.is_file():
-        raise InputError(f"{path}: is a file, not a folder with scans; name the folder of a drive")
+        raise InputError(f"{path}: is a file, not a folder with scans or a recording (.bag, .db3, .mcap); name a drive")
     if below := [str(child) for child in sorted(path.iterdir()) if child.is_dir() and loader.drives(child)]:
         raise InputError(f"{path}: no drive found here, but scans in {', '.join(below[:3])}; name that folder")
     raise InputError(f"{path}: no drive found; looked for {', '.join(layouts[:-1])} and {layouts[-1]}")
 
 
-def _taken(loader: Loader, path: Path, said: Mapping[str, str | None]) -> dict[str, Any]:
+def _taken(loader: Loader, path: Path, said: Mapping[str, str | float | None]) -> dict[str, Any]:
     """What is said, by the names that the loader has for it. Raises InputError where it does not know one."""
     given = {name: value for name, value in said.items() if value is not None}
     for name in given:
@@ -169,7 +183,7 @@ def _pick(path: Path, found: dict[str, Path], wanted: str | None) -> Path:
     """The one folder that is meant: by its name, its number ('4', '0005'), or by being the only one."""
     if "" in found:
         if wanted is not None:
-            raise InputError(f"{path}: a folder of scans has no sequence '{wanted}'; leave --sequence out")
+            raise InputError(f"{path}: one drive, without a sequence '{wanted}'; leave --sequence out")
         return found[""]
     if wanted is None:
         if len(found) == 1:

@@ -96,19 +96,20 @@ def read_cloud(path: Path) -> Points:
     return _read(path, Reading(), everything=True)
 
 
-def points_of(table: Array, name: Path) -> Points:
+def points_of(table: Array, name: Path, offset: Offset | None = None) -> Points:
     """The sound points of an array in memory, as `read_points` has them of a file.
 
     Args:
         table: (N, 3) x y z or (N, 4) x y z intensity; or a structured array with fields x, y, z and, by any of the
             names that drivers use (`NAMES`), intensity, ring and time.
         name: What to call it in messages.
+        offset: What to subtract from coordinates in a map's frame [m]. By default its own points tell.
 
     Raises:
         InputError: The array is of another shape or has other fields.
     """
     try:
-        return _points(columns_of(table, WANTED), name, None, everything=False)
+        return _points(columns_of(table, WANTED), name, offset, everything=False)
     except UnreadableError as error:
         raise InputError(f"{name}: {error}") from error
 

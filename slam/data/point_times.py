@@ -272,8 +272,8 @@ def _turn(scan: _Seen) -> float | None:
     """How long a whole turn takes, in the field's unit, by how azimuths go with time; None where they do not turn."""
     span = scan.last - scan.first
     time = _from_origin(scan.values, 1.0)
-    share = (time[0] + (time[1] - scan.first)) / span
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
+        share = (time[0] + (time[1] - scan.first)) / span
         inside = (share >= 0) & (share <= 1)
     part = np.minimum((share[inside] * BINS).astype(np.int64), BINS - 1)
     ahead = scan.xyz[inside, 0] + 1j * scan.xyz[inside, 1]
