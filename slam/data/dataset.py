@@ -83,6 +83,7 @@ DATASETS = Registry[Dataset](
     {
         "kitti-odometry": "slam.data.kitti_odometry:KittiOdometry",
         "kitti-raw": "slam.data.kitti_raw:KittiRaw",
+        "packets": "slam.data.packets.dataset:PacketDrive",
         FOLDER: "slam.data.folder:UserFolder",
     },
     "lidarlift.datasets",
