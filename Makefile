@@ -7,7 +7,7 @@ RUNTIME := $(VENV)/.ready-runtime
 DEV := $(VENV)/.ready-dev
 BENCHMARKS := $(VENV)/.ready-benchmarks
 # Peers that want other versions than lidarlift, in environments of their own. All versions: benchmarks/peers.txt.
-PEERS := kiss-slam rko-lio
+PEERS := kiss-slam rko-lio ouster-sdk
 OWN := $(PEERS:%=.peers/%/.ready)
 
 PYTEST := $(BIN)/pytest -n 2 --dist loadfile

@@ -16,7 +16,7 @@ from slam.data.files import gaps
 from slam.data.packets.ouster import OusterDecoder
 from slam.data.packets.ouster_metadata import Metadata, read_metadata
 from slam.data.packets.pcap import SUFFIXES, Capture, Datagram
-from slam.data.packets.sweeps import Arrival, Decoder, Sweep, sweeps_of
+from slam.data.packets.sweeps import Arrival, Decoder, Packet, Sweep, sweeps_of
 from slam.data.packets.velodyne import VelodyneDecoder, is_velodyne
 from slam.data.point_files import Points, points_of
 from slam.data.problem import Problem
@@ -83,6 +83,7 @@ class PacketDrive:
         self._decoder = self._decoder_for(None if metadata is None else Path(metadata))
         self.sensor = sensor_of_folder(path.parent, override, self._decoder.sensor)
         self._sweeps, cut = _whole_ones(sweeps_of(self._arrivals(), self._decoder), path)
+        self._usual = int(np.median([sweep.packets for sweep in self._sweeps]))
         self.numbers = np.array([sweep.number - self._sweeps[0].number for sweep in self._sweeps])
         self.stamps, self.stamps_from, unusual = self._stamps()
         said = conventions_of_folder(path.parent, override).said(stamp, point_time)
@@ -141,8 +142,8 @@ class PacketDrive:
             metadata = read_metadata(said)
             if metadata.packet.itemsize != size:
                 raise InputError(
-                    f"{said}: by it packets have {metadata.packet.itemsize} bytes, but in {self.path} most have {size}; "
-                    "name the metadata of this recording"
+                    f"{said}: by it packets have {metadata.packet.itemsize} bytes, but in {self.path} most have "
+                    f"{size}; name the metadata of this recording"
                 )
             return metadata
         files = sorted(self.path.parent.glob("*.json"), key=lambda file: (not file.stem.startswith(self.name), file))
@@ -184,17 +185,23 @@ class PacketDrive:
             return replace(columns, ring_of=np.arange(sensor.ring_count))
         return columns
 
-    def _points(self, position: int) -> Points:
-        """The points of a sweep, as recorded."""
+    def recorded(self, position: int) -> Array:
+        """The points of a sweep as its decoder has them: a structured array, see `Decoder.points`."""
+        return self._decoder.points(self._packets(position))
+
+    def _packets(self, position: int) -> list[Packet]:
         sweep = self._sweeps[position]
         found = self._arrivals(sweep.start, sweep.end)
-        packets = [(one.stamp, one.payload) for one in found if self._decoder.frame_of(one.payload) == sweep.frame]
+        return [(one.stamp, one.payload) for one in found if self._decoder.frame_of(one.payload) == sweep.frame]
+
+    def _points(self, position: int) -> Points:
+        packets = self._packets(position)
         points = points_of(self._decoder.points(packets), self.path)
-        usual = int(np.median([each.packets for each in self._sweeps]))
-        lost = usual - len(packets)
-        if lost <= (1 - WHOLE) * usual:
+        if len(packets) >= WHOLE * self._usual:
             return points
-        text = f"{self.path}: scan {self.numbers[position]} has {len(packets)} of {usual} packets; the rest was lost"
+        text = (
+            f"{self.path}: scan {self.numbers[position]} has {len(packets)} of {self._usual} packets; the rest was lost"
+        )
         return replace(points, problems=(*points.problems, Problem("lost packets", text)))
 
 

@@ -44,20 +44,16 @@ class OusterDecoder:
     def placing(self) -> Callable[[bytes], Place | None]:
         """See `Decoder`."""
         count = unwrapped(1 << 16)
-        column = self.metadata.packet["columns"].subdtype
-        assert column is not None
-        dtype, (columns,) = column
-        start = 0 if self.metadata.profile.legacy else 32
-        where = [
-            (start + at * dtype.itemsize, start + at * dtype.itemsize + dtype.fields["status"][1])
-            for at in range(columns)
-        ]
+        column, columns = self.metadata.column, self.metadata.columns_per_packet
+        assert column.fields is not None
+        begin, status_at = 0 if self.metadata.profile.legacy else 32, column.fields["status"][1]
+        starts = range(begin, begin + columns * column.itemsize, column.itemsize)
 
         def place(payload: bytes) -> Place | None:
             frame = self.frame_of(payload)
             if frame is None:
                 return None
-            valid = next((time for time, status in where if payload[status] & 1), None)
+            valid = next((start for start in starts if payload[start + status_at] & 1), None)
             seconds = np.nan if valid is None else struct.unpack_from("<Q", payload, valid)[0] * 1e-9
             return Place(count(frame), frame, seconds)
 

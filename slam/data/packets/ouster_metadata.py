@@ -50,10 +50,11 @@ class Profile:
 PROFILES = {
     "LEGACY": Profile(12, 20, 4, reflectivity_type="<u2", legacy=True),
     "RNG19_RFL8_SIG16_NIR16": Profile(12, 19, 4),
-    "RNG19_RFL8_SIG16_NIR16_ZONE16": Profile(12, 19, 3),
+    "RNG19_RFL8_SIG16_NIR16_ZONE16": Profile(12, 19, 4),
     "RNG19_RFL8_SIG16_NIR16_DUAL": Profile(16, 19, 3),
     "RNG19_RFL8_SIG16_ZONE16_DUAL": Profile(16, 19, 3),
-    "FIVE_WORD_PIXEL": Profile(20, 19, 3),
+    "RNG19_RFL8_SIG16_NIR16_RGB16": Profile(16, 19, 3),
+    "RNG19_RFL8_SIG16_NIR16_RGB16_DUAL": Profile(20, 19, 3),
     "RNG15_RFL8_NIR8": Profile(4, 15, 2, 8 * MILLIMETRE),
     "RNG15_RFL8_WIN8": Profile(4, 15, 2, 8 * MILLIMETRE),
     "RNG15_RFL8_NIR8_DUAL": Profile(8, 15, 2, 8 * MILLIMETRE),
@@ -91,9 +92,9 @@ class Metadata:
     profile: Profile
 
     @cached_property
-    def packet(self) -> np.dtype[Any]:
-        """The layout of a packet with points: columns, each with its time [ns], number, frame (in legacy packets only),
-        status (odd where it is valid) and pixels."""
+    def column(self) -> np.dtype[Any]:
+        """The layout of a column: its time [ns], number, frame (in legacy packets only), status (odd where it is
+        valid) and pixels."""
         profile, beams = self.profile, len(self.altitude)
         pixel = np.dtype(
             {
@@ -105,7 +106,7 @@ class Metadata:
         )
         head, tail = (16, 4) if profile.legacy else (12, 0)
         size = beams * profile.size
-        column = np.dtype(
+        return np.dtype(
             {
                 "names": ["time", "number", "frame", "status", "pixels"],
                 "formats": ["<u8", "<u2", "<u2", "<u4" if profile.legacy else "<u2", (pixel, (beams,))],
@@ -113,13 +114,17 @@ class Metadata:
                 "itemsize": head + size + tail,
             }
         )
-        around = 0 if profile.legacy else 32
+
+    @cached_property
+    def packet(self) -> np.dtype[Any]:
+        """The layout of a packet with points: its columns."""
+        around = 0 if self.profile.legacy else 32
         return np.dtype(
             {
                 "names": ["columns"],
-                "formats": [(column, (self.columns_per_packet,))],
+                "formats": [(self.column, (self.columns_per_packet,))],
                 "offsets": [around],
-                "itemsize": 2 * around + self.columns_per_packet * column.itemsize,
+                "itemsize": 2 * around + self.columns_per_packet * self.column.itemsize,
             }
         )
 
@@ -161,7 +166,9 @@ def parse_metadata(text: str, where: object) -> Metadata:
         raise InputError(f"{where}: no JSON ({error}); an Ouster's metadata is needed") from error
     said = _flat(content if isinstance(content, dict) else {})
     if "beam_altitude_angles" not in said:
-        raise InputError(f"{where}: has no 'beam_altitude_angles'; an Ouster's metadata is needed, as its tools write it")
+        raise InputError(
+            f"{where}: has no 'beam_altitude_angles'; an Ouster's metadata is needed, as its tools write it"
+        )
     altitude = _numbers(said, "beam_altitude_angles", None, where)
     azimuth = _numbers(said, "beam_azimuth_angles", len(altitude), where)
     mode = re.match(r"(\d+)x\d+$", str(said.get("lidar_mode", "")))

@@ -158,9 +158,7 @@ def _interface(data: mmap.mmap, at: int, end: int, order: str) -> Interface:
     return Interface(link, unit, offset)
 
 
-def _record(
-    data: mmap.mmap, at: int, end: int, order: str, interfaces: list[Interface], kind: int
-) -> Record | None:
+def _record(data: mmap.mmap, at: int, end: int, order: str, interfaces: list[Interface], kind: int) -> Record | None:
     """The frame in a block of a packet; None where it is damaged."""
     if kind == SIMPLE:
         which, stamp, begin = 0, 0, at + 12

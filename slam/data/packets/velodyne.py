@@ -5,17 +5,13 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from itertools import chain, islice
+from typing import Any
 
 from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.packets.sweeps import Packet, Place
 from slam.data.sensor import Sensor, load_sensor
-
-if TYPE_CHECKING:
-    import velodyne_decoder
 
 PACKET = 1206  # bytes
 BLOCK = 100  # bytes of the points of one or two firings
@@ -23,6 +19,8 @@ HOUR = 3600.0  # s, after which the clock of packets begins anew
 TURN, REAR = 36000, 18000  # hundredths of a degree
 #: What the last byte of a packet says, and which of our sensors that is.
 MODELS = {0x21: "hdl32", 0x22: "vlp16", 0x24: "vlp16-hires", 0x28: "vlp32c", 0xA1: "vls128"}
+RETURNS = (0x37, 0x38, 0x39, 0x3A, 0x3B)  # what the byte before says: strongest, last, both, ...
+FIRST = 16  # packets that are looked at for that
 STRONGEST = 1  # bit of a point's return_type
 
 
@@ -43,10 +41,10 @@ class VelodyneDecoder:
     def __init__(self, payloads: Iterable[bytes], where: object) -> None:
         self._library = _library(where)
         packets = iter(payloads)
-        first = next(packets, b"")
-        model = MODELS.get(first[-1] if first else 0)
+        first = list(islice(packets, FIRST))
+        model = _model(first)
         if model is None:
-            self._config = self._hdl64((first, *packets), where)
+            self._config = self._hdl64(chain(first, packets), where)
             self.sensor: Sensor | None = load_sensor("hdl64")
             self.name = "Velodyne HDL-64E"
         else:
@@ -54,15 +52,15 @@ class VelodyneDecoder:
             self.sensor = load_sensor(model)
             self.name = f"Velodyne {self.sensor.name}"
 
-    def _hdl64(self, payloads: Sequence[bytes], where: object) -> dict[str, Any]:
+    def _hdl64(self, payloads: Iterable[bytes], where: object) -> dict[str, Any]:
         reader = self._library.hdl64e
         try:
             status = reader.read_status_info(payloads)
             said = reader.status_info_to_calib_dict(status)
         except Exception as error:  # whatever Python happens to raise on packets of something else
             raise InputError(
-                f"{where}: packets of a Velodyne whose model and calibration are not in them ({error}); record more than "
-                "10 s of it, or convert it to .pcd files with the maker's driver"
+                f"{where}: packets of a Velodyne whose model and calibration are not in them ({error}); record more "
+                "than 10 s of it, or convert it to .pcd files with the maker's driver"
             ) from error
         import yaml
 
@@ -102,6 +100,13 @@ class VelodyneDecoder:
         return found
 
 
+def _model(packets: Sequence[bytes]) -> str | None:
+    """By the last two bytes, return mode and model, the same in all packets; an HDL-64E's say other things in turn."""
+    last = {packet[-2:] for packet in packets}
+    mode, model = last.pop() if len(last) == 1 else (0, 0)
+    return MODELS.get(model) if mode in RETURNS else None
+
+
 def is_velodyne(payload: bytes) -> bool:
     """Whether a datagram is a packet with points of a Velodyne."""
     return len(payload) == PACKET and payload[:2] in (b"\xff\xee", b"\xff\xdd")
@@ -117,5 +122,7 @@ def _library(where: object) -> Any:
     try:
         import velodyne_decoder
     except ImportError as error:
-        raise InputError(f"{where}: packets of a Velodyne need velodyne-decoder: pip install 'lidarlift[packets]'") from error
+        raise InputError(
+            f"{where}: packets of a Velodyne need velodyne-decoder: pip install 'lidarlift[packets]'"
+        ) from error
     return velodyne_decoder

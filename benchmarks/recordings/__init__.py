@@ -1,0 +1,1 @@
+"""What recordings are decoded to, beside the makers' own decoders."""
