@@ -118,8 +118,8 @@ def page(found: Mapping[str, Any]) -> str:
     lines = [
         "# Ouster's packets",
         "",
-        f"Our decoder beside ouster-sdk {about['ouster-sdk']}, {about['date']}: the points of the same packets, by",
-        "their time. Recordings are real; packets of each profile were made by the SDK, of random pixels. Points are to",
+        f"Our decoder beside ouster-sdk {about['ouster-sdk']}, {about['date']}: the points of the same packets,",
+        "by their time. Recordings are real; packets of each profile were made by the SDK, of random pixels. They are to",
         "lie within 1 mm of the SDK's.",
         "",
         "| | points | by the SDK | farthest apart [mm] | times, reflectivities |",

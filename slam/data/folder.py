@@ -26,7 +26,7 @@ from slam.data.pose_files import read_poses
 from slam.data.problem import Problem
 from slam.data.scan_columns import SAMPLES, Columns, find_columns
 from slam.data.scan_names import ScanNames, named_scans, numbers_of
-from slam.data.sensor import Sensor, conventions_of_folder, sensor_of_folder
+from slam.data.sensor import Sensor, conventions_of_folder, nominal_lines, sensor_of_folder
 from slam.data.stamps import mended, usual_step
 from slam.data.time_files import TIME_FILES, read_stamps
 
@@ -92,7 +92,8 @@ class UserFolder:
         self._image_folder, self._images = self._match_images(known_times=not slow)
         self.ground_truth, untrue = self._read_ground_truth(known_times=not slow)
         missing = gaps(self.numbers, self._files[0].parent, step)
-        self.problems = (*told, *missing, *unusual, *slow, *self._columns.problems, *uncalibrated, *untrue)
+        nominal = nominal_lines(self.sensor, path)
+        self.problems = (*told, *missing, *unusual, *slow, *nominal, *self._columns.problems, *uncalibrated, *untrue)
 
     def __len__(self) -> int:
         return len(self._files)

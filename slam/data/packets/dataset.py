@@ -21,7 +21,7 @@ from slam.data.packets.velodyne import VelodyneDecoder, is_velodyne
 from slam.data.point_files import Points, points_of
 from slam.data.problem import Problem
 from slam.data.scan_columns import SAMPLES, Columns, find_columns
-from slam.data.sensor import conventions_of_folder, sensor_of_folder
+from slam.data.sensor import conventions_of_folder, nominal_lines, sensor_of_folder
 from slam.data.stamps import mended, usual_step
 
 LOOKED_AT = 2000  # datagrams, by which streams are told apart
@@ -93,7 +93,8 @@ class PacketDrive:
         self.point_times = self._columns.times
         self.calibration = self.ground_truth = None
         missing = gaps(self.numbers, path)
-        self.problems = (*others, *cut, *missing, *unusual, *self._columns.problems)
+        nominal = nominal_lines(self.sensor, path)
+        self.problems = (*others, *nominal, *cut, *missing, *unusual, *self._columns.problems)
 
     def __len__(self) -> int:
         return len(self._sweeps)

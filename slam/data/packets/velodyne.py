@@ -18,7 +18,7 @@ BLOCK = 100  # bytes of the points of one or two firings
 HOUR = 3600.0  # s, after which the clock of packets begins anew
 TURN, REAR = 36000, 18000  # hundredths of a degree
 #: What the last byte of a packet says, and which of our sensors that is.
-MODELS = {0x21: "hdl32", 0x22: "vlp16", 0x24: "vlp16-hires", 0x28: "vlp32c", 0xA1: "vls128"}
+MODELS = {0x21: "hdl32", 0x22: "vlp16", 0x24: "puck-hires", 0x28: "vlp32c", 0xA1: "vls128"}
 RETURNS = (0x37, 0x38, 0x39, 0x3A, 0x3B)  # what the byte before says: strongest, last, both, ...
 FIRST = 16  # packets that are looked at for that
 STRONGEST = 1  # bit of a point's return_type
