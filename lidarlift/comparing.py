@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lidarlift.front_ends import FEW_RINGS, TRAINING_FREE, input_name, opened, with_runnable_enricher
+from lidarlift.front_ends import FEW_RINGS, MOST_ENRICHED, TRAINING_FREE, input_name, opened, with_runnable_enricher
 from lidarlift.reporting import Quiet, Reporter
 from lidarlift.running import run_into
 from slam.config import load_config
@@ -62,10 +62,13 @@ def compare(
 
 
 def inputs_of(data: Dataset) -> Sequence[str]:
-    """The inputs that can be compared: a sensor of 16 rings or fewer has no 64, one of another number no 16."""
-    rings = 64 if data.sensor is None else data.sensor.ring_count
-    sixteen, full = rings <= FEW_RINGS or rings == 64, rings > FEW_RINGS
-    return [name for name, there in zip(INPUTS, (sixteen, True, full), strict=True) if there]
+    """The inputs that can be compared: a sensor of 16 rings or fewer has no more, and one of very many is not
+    enriched."""
+    from slam.data.dataset import ring_count
+
+    rings = ring_count(data) or 64
+    enriched = rings == 64 or rings <= MOST_ENRICHED
+    return [name for name, there in zip(INPUTS, (True, enriched, rings > FEW_RINGS), strict=True) if there]
 
 
 def rows_for(

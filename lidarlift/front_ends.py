@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("lidarlift")
 
 FEW_RINGS = 16  # a sensor that has no more is taken as it is
+MOST_ENRICHED = 42  # rings, between which there is room for one line and more where there are to be about 64
 TRAINING_FREE = "ray-segment"  # the method that needs no weights
 
 
@@ -40,7 +41,7 @@ def opened(dataset: Dataset | str | Path, sequence: str | None, sensor: str | Pa
 
 
 def settings_for(
-    sensor: Sensor | None,
+    rings: int | None,
     input: str | None = None,
     enricher: str | None = None,
     config: Config | str | Path | None = None,
@@ -49,8 +50,8 @@ def settings_for(
     """The settings of a run.
 
     Args:
-        sensor: The LiDAR, None where it is unknown.
-        input: '64' (as recorded), '16' or 'enriched'; by default as recorded.
+        rings: How many rings the LiDAR has (`ring_count`), None where that is unknown.
+        input: 'full' (as recorded; 64 rings also '64'), '16' or 'enriched'; by default as recorded.
         enricher: The method that fills in, for input 'enriched'.
         config: A preset's name, a YAML file, or settings that are complete already.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
@@ -63,10 +64,10 @@ def settings_for(
         if input or enricher or overrides:
             raise ValueError("config holds all settings already; leave input, enricher and overrides out")
         return with_runnable_enricher(config)
-    few = sensor is not None and sensor.ring_count <= FEW_RINGS
-    if few and input == "64":
-        raise InputError(f"the sensor {sensor.name if sensor else ''} has no 64 rings; leave --input out")
-    settings = load_config(config, overrides, input=input or ("16" if few else None), enricher=enricher)
+    if input == "64" and rings is not None and rings != 64:
+        raise InputError(f"--input 64: the LiDAR has {rings} rings; use --input full, or leave it out")
+    default = None if rings in (None, 64) else "16" if rings <= FEW_RINGS else "full"
+    settings = load_config(config, overrides, input=input or default, enricher=enricher)
     if enricher and settings.front_end.input != "enriched":
         raise InputError(f"--enricher {enricher}: nothing is filled in here; add --input enriched")
     return with_runnable_enricher(settings)
@@ -93,12 +94,16 @@ def with_runnable_enricher(settings: Config) -> Config:
     return settings.model_copy(update={"front_end": front_end})
 
 
-def front_end_for(settings: FrontEndSettings, sensor: Sensor | None, name: object) -> FrontEnd:
+def front_end_for(
+    settings: FrontEndSettings, sensor: Sensor | None, name: object, rings: int | None = None
+) -> FrontEnd:
     """The front end of one run, which has seen no scan as yet. See `front_end_maker`."""
-    return front_end_maker(settings, sensor, name)()
+    return front_end_maker(settings, sensor, name, rings)()
 
 
-def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: object) -> Callable[[], FrontEnd]:
+def front_end_maker(
+    settings: FrontEndSettings, sensor: Sensor | None, name: object, rings: int | None = None
+) -> Callable[[], FrontEnd]:
     """What makes the front end that the settings ask for: the rings that are there, or what fills them in.
 
     A front end that fills in learns from the scans that it is shown, and so may its method: each run has its own.
@@ -107,15 +112,17 @@ def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: obj
         settings: Of the front end.
         sensor: The LiDAR, None where it is unknown.
         name: Of the data set, for messages.
+        rings: How many rings the LiDAR has, where that was counted.
 
     Raises:
-        InputError: As `RingFrontEnd`; or the scans are to be enriched and the laser lines are unknown, or the method.
+        InputError: As `RingFrontEnd`; or the scans are to be enriched and the laser lines are unknown, or too dense for
+            it, or the method is unknown.
     """
     from slam.front_end import RingFrontEnd
 
-    measured = RingFrontEnd(settings, sensor)
+    measured = RingFrontEnd(settings, sensor, rings)
     if settings.input != "enriched":
-        return lambda: measured
+        return lambda: RingFrontEnd(settings, sensor, rings)
     if sensor is None:
         raise InputError(
             f"{name}: to enrich its scans the laser lines have to be known; "
@@ -125,6 +132,11 @@ def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: obj
     from enrichment.methods.registry import METHODS
 
     target = sensor if sensor.ring_count == 64 else None
+    if target is None and sensor.ring_count > MOST_ENRICHED:
+        raise InputError(
+            f"{name}: {sensor.name} has {sensor.ring_count} rings, as dense as what enriching gives: there are no rays "
+            "between them to fill; use --input full or --input 16"
+        )
     make_method = METHODS.load(settings.enricher)
     return lambda: Enricher(measured, make_method(), *measured.lines(), target, coverage=settings.coverage)
 
@@ -132,4 +144,6 @@ def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: obj
 def input_name(settings: Config) -> str:
     """Of a configuration, for people."""
     front_end = settings.front_end
-    return f"enriched by {front_end.enricher}" if front_end.input == "enriched" else f"{front_end.input} channels"
+    if front_end.input == "enriched":
+        return f"enriched by {front_end.enricher}"
+    return "all channels" if front_end.input == "full" else f"{front_end.input} channels"

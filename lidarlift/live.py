@@ -36,8 +36,8 @@ class Slam:
     Args:
         sensor: A built-in LiDAR ('hdl64', 'vlp16', 'vlp32c', ...) or a YAML file with its beams. Needed for input
             'enriched'.
-        input: '64', scans as they come; '16', rings dropped; 'enriched', the rest of about 64 filled in. By default as
-            they come.
+        input: 'full', scans as they come; '16', rings dropped; 'enriched', the rest of about 64 filled in. By default
+            as they come.
         enricher: The method of enrichment: 'ray-segment' takes some milliseconds and needs no camera.
         calibration: The camera beside the LiDAR, for images that are added: the map is coloured, methods may use them.
         config: A preset's name, a YAML file, or the result of `load_config`.
@@ -72,7 +72,9 @@ class Slam:
                 f"sweeps_per_second: {sweeps_per_second} makes no sense; spinning LiDARs turn 5 to 20 times"
             )
         self._sensor = None if sensor is None else load_sensor(sensor)
-        settings = settings_for(self._sensor, input, enricher, config, overrides)
+        settings = settings_for(
+            None if self._sensor is None else self._sensor.ring_count, input, enricher, config, overrides
+        )
         self._slam = pipeline.Slam(
             settings,
             front_end_for(settings.front_end, self._sensor, NAME),

@@ -14,8 +14,9 @@ class Settings(BaseModel):
 class FrontEndSettings(Settings):
     """From the recorded scan to the cloud that is registered."""
 
-    input: Literal["64", "16", "enriched"] = "64"  # 64: the scan as recorded; 16: rings dropped; enriched: 16 filled in
-    drop: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"  # which 16 of 64 rings; the literature's default
+    # full: the scan as recorded, and so is 64; 16: 16 of its rings; enriched: 16 filled in
+    input: Literal["full", "64", "16", "enriched"] = "64"
+    drop: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"  # which 16 of its rings; the literature's default
     phase: int = Field(0, ge=0, le=3)  # of every-4th: the first ring that stays
     # a name in enrichment.methods.registry, checked where the method is made. lift: our network; ray-segment: nothing
     # learned, some milliseconds a frame; joint: this with the image, a tenth of a second; l2l, li2l, f2l: the paper's

@@ -17,6 +17,7 @@ from slam.data.sensor_names import SENSORS
 
 
 class Input(StrEnum):
+    FULL = "full"
     SIXTY_FOUR = "64"
     SIXTEEN = "16"
     ENRICHED = "enriched"
@@ -36,7 +37,8 @@ ConfigOption = Annotated[str | None, typer.Option(help=f"A YAML file or a preset
 SetOption = Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")]
 StrictOption = Annotated[bool, typer.Option("--strict", help="Stop at the first damage in the data.")]
 InputOption = Annotated[
-    Input | None, typer.Option(help="64: the scan as recorded; 16: rings dropped; enriched: 16, the rest filled in.")
+    Input | None,
+    typer.Option(help="full: as recorded (64 for 64 rings); 16: 16 of its rings; enriched: 16, the rest filled in."),
 ]
 EnricherOption = Annotated[
     str | None,

@@ -27,7 +27,8 @@ class Dataset(Protocol):
     problems      what is wrong with the data set as a whole; `Frame.problems` is for single scans
 
     Those of this package also have `point_times`, the verdict on the points' times (`PointTimes`), `stamps_from`, the
-    place that stamps are from, and where it is not simply the usual step between stamps `scan_period` [s].
+    place that stamps are from, and where they tell more than the fields above `scan_period` [s], the usual step between
+    scans, and `rings`, how many the LiDAR has by the files' numbers.
     """
 
     @property
@@ -136,6 +137,14 @@ def _taken(loader: Loader, path: Path, said: Mapping[str, str | None]) -> dict[s
         if name not in signature(loader).parameters:
             raise InputError(f"{path}: --{name.replace('_', '-')} is not for this kind of data set; leave it out")
     return given
+
+
+def ring_count(data: Dataset) -> int | None:
+    """How many rings a data set's LiDAR has, by its sensor or counted in the first scans; None where nobody knows."""
+    if data.sensor is not None:
+        return data.sensor.ring_count
+    counted: int | None = getattr(data, "rings", None)
+    return counted
 
 
 def chosen_positions(data: Dataset, frames: slice) -> range:

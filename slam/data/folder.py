@@ -83,7 +83,7 @@ class UserFolder:
         recorded, self.stamps_from, unusual = self._read_stamps(scans)
         period = None if recorded is None else usual_step(recorded)
         self._columns = find_columns(self._first_scans(recorded), self.sensor, said, period, self._files[0])
-        self.point_times = self._columns.times
+        self.point_times, self.rings = self._columns.times, self._columns.rings
         slow: tuple[Problem, ...] = ()
         if recorded is None:
             recorded, slow = self._assumed_stamps(step)

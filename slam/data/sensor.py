@@ -59,8 +59,8 @@ class Sensor:
 
 
 def load_sensor(name_or_file: str | Path) -> Sensor:
-    """The built-in sensor of that name (one of SENSORS), or the one that a file describes: an Ouster's metadata (.json),
-    or YAML.
+    """The built-in sensor of that name (one of SENSORS), or the one that a file describes: an Ouster's metadata
+    (.json), or YAML.
 
     Keys of YAML: `model`, a built-in name or, with `beams`, any; `beams`, a list of [elevation_deg, offset_m] or
     [elevation_deg, offset_m, azimuth_deg], top first; `vertical_correction_deg`; `motion_compensated`; and those that

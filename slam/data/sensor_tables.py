@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from importlib import resources
 
 import numpy as np
@@ -54,7 +54,7 @@ def vls128() -> Sensor:
     return _without_offsets("vls128", elevation, azimuth)
 
 
-@lru_cache(maxsize=None)
+@cache
 def tabled(name: str, nominal: bool = False) -> Sensor:
     """A sensor of laser_tables.csv, which says beside each table where it is from.
 
@@ -80,7 +80,7 @@ OUSTER_HALF_VIEW = {"os0": 45.0, "os1": 22.5, "os2": 11.25}
 OS1_COLUMNS = [-3.164, -1.055, 1.055, 3.164]
 
 
-@lru_cache(maxsize=None)
+@cache
 def ouster(line: str, rings: int) -> Sensor:
     """An Ouster of the lines os0, os1 and os2: evenly over its field of view, and so nominal, for each has a
     calibration of its own, which its metadata (.json) have."""

@@ -72,7 +72,7 @@ class KittiLayout:
         write_text(self._sequence / "calib.txt", "\n".join(lines) + "\n")
         write_text(self._sequence / "times.txt", "".join(f"{stamp:e}\n" for stamp in stamps))
         correction = "vertical_correction_deg: 0.0\n"  # the loader's own for KITTI is that of KITTI's LiDAR
-        write_text(self._sequence / "sensor.yaml", f"model: {rig.lidar.sensor.name}\n{correction}{_compensated(rig)}")
+        write_text(self._sequence / "sensor.yaml", _lines(rig) + correction + _compensated(rig))
         poses = Tr @ rig.poses @ se3.inverse(Tr)
         write_text(self._folder / "poses" / f"{SEQUENCE}.txt", kitti_text(se3.inverse(poses[0]) @ poses))
 
@@ -111,7 +111,7 @@ class FolderLayout:
         matrices = {"K": rig.calibration.K, "T_camera_lidar": rig.calibration.T_camera_lidar}
         calibration = "".join(f"{name}: {matrix.tolist()}\n" for name, matrix in matrices.items())
         write_text(self._folder / "calib.yaml", calibration)
-        write_text(self._folder / "sensor.yaml", f"model: {rig.lidar.sensor.name}\n{_compensated(rig)}")
+        write_text(self._folder / "sensor.yaml", _lines(rig) + _compensated(rig))
 
     def _points(self, scan: Scan) -> Array:
         """(N,) of FIELDS."""
@@ -121,6 +121,13 @@ class FolderLayout:
         points["intensity"], points["ring"] = scan.reflectance, scan.ring
         points["time"] = (scan.fraction - np.float32(self._instant)) * np.float32(self._period)
         return points[np.argsort(scan.fraction, kind="stable")]
+
+
+def _lines(rig: Rig) -> str:
+    """The sensor's name; and the lines of one whose own are nominal, which here they are not."""
+    sensor = rig.lidar.sensor
+    beams = np.column_stack([np.rad2deg(sensor.elevation), sensor.offset, np.rad2deg(sensor.azimuth)])
+    return f"model: {sensor.name}\n" + (f"beams: {beams.tolist()}\n" if sensor.nominal else "")
 
 
 def _compensated(rig: Rig) -> str:

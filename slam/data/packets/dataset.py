@@ -90,7 +90,7 @@ class PacketDrive:
         first = [(self._points(at), float(self.stamps[at])) for at in range(min(len(self), SAMPLES))]
         columns = find_columns(first, self.sensor, said, usual_step(self.stamps), path)
         self._columns = self._known_rings(columns)
-        self.point_times = self._columns.times
+        self.point_times, self.rings = self._columns.times, self._columns.rings
         self.calibration = self.ground_truth = None
         missing = gaps(self.numbers, path)
         nominal = nominal_lines(self.sensor, path)
