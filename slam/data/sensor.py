@@ -171,8 +171,11 @@ def conventions_of_folder(folder: Path, override: str | Path | None) -> Conventi
 def kitti_sensor(folder: Path, override: str | Path | None, motion_compensated: bool) -> Sensor:
     """The same for a KITTI folder, by default the HDL-64E as KITTI ran it.
 
-    Its elevations are 0.205 deg too low (Deschaud, "IMLS-SLAM", ICRA 2018; the value is KISS-ICP's).
+    Its elevations are 0.205 deg too low (Deschaud, "IMLS-SLAM", ICRA 2018; the value is KISS-ICP's). Another LiDAR in
+    KITTI's layout, as converters write it, has no such error.
     """
     correction = float(np.deg2rad(0.205))
     kitti = replace(load_sensor("hdl64"), vertical_correction=correction, motion_compensated=motion_compensated)
-    return sensor_of_folder(folder, override, kitti) or kitti
+    sensor = sensor_of_folder(folder, override, kitti) or kitti
+    of_kitti = sensor.name == kitti.name or (folder / "sensor.yaml").is_file() or (override and _is_file(override))
+    return sensor if of_kitti else replace(sensor, vertical_correction=0.0)

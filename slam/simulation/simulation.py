@@ -20,7 +20,7 @@ from slam.data.atomic import write_text
 from slam.data.conventions import INSTANTS
 from slam.data.errors import InputError
 from slam.data.machine import usable_cores
-from slam.data.sensor_names import SENSORS
+from slam.data.sensor_names import SIMULATED
 from slam.simulation.drive_names import DRIVES
 from slam.simulation.drives import RATE, at_rate, built_in, from_file, thinned
 from slam.simulation.fingerprint import fingerprint
@@ -69,7 +69,7 @@ class SimulationConfig:
 
     def check(self) -> None:
         """Raise InputError on what does not exist or does not go together."""
-        SENSORS.require(self.sensor)
+        SIMULATED.require(self.sensor)
         if self.format not in ("kitti", "folder") or self.stamp not in INSTANTS:
             raise InputError(f"format '{self.format}', stamp '{self.stamp}': kitti or folder; {', '.join(INSTANTS)}")
         if self.stamp != "middle" and self.format == "kitti":

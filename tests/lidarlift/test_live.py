@@ -105,7 +105,7 @@ def test_enriching_needs_a_sensor() -> None:
 
 def test_a_sensor_of_16_rings_has_no_64() -> None:
     assert load_sensor("vlp16").ring_count == 16
-    with pytest.raises(lidarlift.InputError, match="vlp16 has no 64 rings"):
+    with pytest.raises(lidarlift.InputError, match="--input 64: the LiDAR has 16 rings; use --input full"):
         lidarlift.Slam("vlp16", input="64")
 
 
