@@ -29,10 +29,15 @@ class Stamp(StrEnum):
     END = "end"
 
 
-DatasetArgument = Annotated[Path, typer.Argument(help="A KITTI odometry or raw folder, or a folder of scans.")]
+DatasetArgument = Annotated[
+    Path, typer.Argument(help="A KITTI odometry or raw folder, a folder of scans, or a packet capture (.pcap).")
+]
 SequenceOption = Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")]
 FramesOption = Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")]
-SensorOption = Annotated[str | None, typer.Option(help=f"{', '.join(SENSORS.names())} or a YAML file with the beams.")]
+SensorOption = Annotated[
+    str | None,
+    typer.Option(help=f"{', '.join(SENSORS.names())}, a YAML file with the beams or an Ouster's metadata (.json)."),
+]
 ConfigOption = Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")]
 SetOption = Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")]
 StrictOption = Annotated[bool, typer.Option("--strict", help="Stop at the first damage in the data.")]

@@ -103,7 +103,7 @@ def open_dataset(
 
     Args:
         path: KITTI odometry's root, its `sequences` folder or one sequence; of KITTI raw the root, a date or a drive
-            (`..._sync`); or a folder of scans of the user's own (`UserFolder`).
+            (`..._sync`); a packet capture (`PacketDrive`); or a folder of scans of the user's own (`UserFolder`).
         sequence: Picks one where there are several ('04'; '0005').
         sensor: Overrides what the folder says of the LiDAR (see `load_sensor`).
         stamp: The instant of a sweep that the stamps belong to, 'start', 'middle' or 'end'; by default sensor.yaml's

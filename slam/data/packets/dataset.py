@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from ipaddress import ip_address
 from itertools import islice
 from pathlib import Path
 
@@ -33,7 +34,7 @@ OTHERS = {
     b"\x55\xaa\x05\x0a": ("RoboSense", "RSView or rslidar_sdk"),
     b"\x55\xaa\x05\x5a": ("RoboSense", "RSView or rslidar_sdk"),
 }
-Stream = tuple[tuple[str, int, int], int]  # sender, and bytes of a datagram
+Stream = tuple[tuple[bytes, int], int]  # sender, and bytes of a datagram
 
 
 class PacketDrive:
@@ -121,8 +122,8 @@ class PacketDrive:
         likewise = [sender for sender, size in counted if size == stream[1] and sender != stream[0]]
         if not likewise:
             return stream, ()
-        senders = ", ".join(f"{address}:{port}" for address, port, _ in likewise)
-        text = f"{self.path}: several LiDARs; that at {stream[0][0]}:{stream[0][1]} is taken, not {senders}"
+        senders = ", ".join(map(_named, likewise))
+        text = f"{self.path}: several LiDARs; that at {_named(stream[0])} is taken, not {senders}"
         return stream, (Problem("several LiDARs", text),)
 
     def _decoder_for(self, metadata: Path | None) -> Decoder:
@@ -208,6 +209,11 @@ class PacketDrive:
 
 def _is_capture(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+
+
+def _named(sender: tuple[bytes, int]) -> str:
+    address, port = sender
+    return f"{ip_address(address)}, port {port}"
 
 
 def _stream(found: Datagram) -> Stream:

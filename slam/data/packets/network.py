@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass, field
-from ipaddress import ip_address
 from typing import NamedTuple
 
 ETHERNET, RAW, LINUX, LINUX_2 = 1, (12, 14, 101, 228, 229), 113, 276  # tcpdump's LINKTYPE
@@ -17,9 +16,9 @@ WAITING = 64  # datagrams of which not all fragments have come; older ones are g
 
 
 class Udp(NamedTuple):
-    """A datagram: sender's address and port, port it was sent to; its bytes; where its first frame is in the file."""
+    """A datagram: its sender's address and the port it was sent to; its bytes; where its first frame is in the file."""
 
-    sender: tuple[str, int, int]
+    sender: tuple[bytes, int]
     payload: bytes
     start: int
 
@@ -83,13 +82,13 @@ def udp_of(link: int, frame: bytes, start: int, together: Reassembly) -> Udp | N
         if part is None or whole is None:
             return None
         content, first = whole
-        source, port, size = struct.unpack_from(">HHH", content)
+        _, port, size = struct.unpack_from(">HHH", content)
     except (struct.error, IndexError):
         return None
     size = size or len(content)  # 0: the network card would have filled it in
     if not 8 <= size <= len(content):
         return None
-    return Udp((str(ip_address(part.key[0])), source, port), content[8:size], first)
+    return Udp((part.key[0], port), content[8:size], first)
 
 
 def _ip_part(link: int, frame: bytes) -> _Part | None:

@@ -32,14 +32,14 @@ class Datagram(NamedTuple):
 
     Attributes:
         stamp: When it was captured, seconds since 1970.
-        sender: Address and port that it was sent from and the port that it was sent to, for telling streams apart.
+        sender: The address that it was sent from and the port that it was sent to, for telling streams apart.
         payload: Its bytes.
         start: Where its first record begins in the file, and
         end: where its last one ends.
     """
 
     stamp: float
-    sender: tuple[str, int, int]
+    sender: tuple[bytes, int]
     payload: bytes
     start: int
     end: int

@@ -11,7 +11,7 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.data.sensor import Sensor
 
-RESTART = 100  # sweeps: where numbers jump farther, the sensor was switched on anew, or the recording paused
+LATE, PAUSE = 2, 100  # sweeps: where numbers go farther back or on, the sensor or the recording began anew
 
 #: When a packet came, seconds of the recording machine's clock, and its bytes.
 Packet = tuple[float, bytes]
@@ -109,7 +109,7 @@ def sweeps_of(arrivals: Iterable[Arrival], decoder: Decoder) -> list[Sweep]:
 
 def unwrapped(modulus: int) -> Callable[[int], int]:
     """A function that counts on where the numbers it is given begin anew after `modulus`, and goes back a little for
-    packets that came late. Where they jump by more than `RESTART` the next number follows: stamps tell the pause."""
+    packets that came late. Where they jump farther the next number follows: stamps tell the pause."""
     last: int | None = None
     highest = shift = 0
 
@@ -119,7 +119,7 @@ def unwrapped(modulus: int) -> Callable[[int], int]:
             last = highest = number
             return number
         step = (number + shift - last + modulus // 2) % modulus - modulus // 2
-        if abs(step) > RESTART:
+        if not -LATE <= step <= PAUSE:
             shift = highest + 1 - number
             step = highest + 1 - last
         last += step

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from itertools import chain, islice
 from typing import Any
 
@@ -45,7 +46,7 @@ class VelodyneDecoder:
         model = _model(first)
         if model is None:
             self._config = self._hdl64(chain(first, packets), where)
-            self.sensor: Sensor | None = load_sensor("hdl64")
+            self.sensor: Sensor | None = replace(load_sensor("hdl64"), nominal=True)  # KITTI's
             self.name = "Velodyne HDL-64E"
         else:
             self._config = dict[str, Any]()

@@ -125,7 +125,7 @@ def test_of_several_lidars_one_is_taken_and_said(ouster_drive: Maker) -> None:
                 frames.append((0.0, ethernet(legacy_packet(sweep, first, 9000), source=b"\x0a\x00\x00\x09")))
     data = open_dataset(write_capture(path, frames))
     assert kinds(data.problems) == ["several LiDARs"]
-    assert "10.0.0.9:7502" in data.problems[0].message
+    assert "10.0.0.9, port 7502" in data.problems[0].message
     assert np.linalg.norm(data[0].cloud.xyz, axis=1).max() < 6
 
 

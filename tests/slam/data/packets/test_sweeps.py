@@ -16,7 +16,9 @@ from .test_ouster import metadata
         ([8, 9, 8, 9, 10], [8, 9, 8, 9, 10]),  # a packet came late
         ([0, 65535, 0, 1], [0, -1, 0, 1]),
         ([900, 901, 0, 1, 1, 2], [900, 901, 902, 903, 903, 904]),  # switched on anew
+        ([3, 4, 5, 0, 1], [3, 4, 5, 6, 7]),  # and soon again
         ([3, 5], [3, 5]),  # a sweep was lost
+        ([3, 30_000], [3, 4]),  # the recording paused
     ],
 )
 def test_numbers_count_on(numbers: list[int], counted: list[int]) -> None:
