@@ -136,17 +136,14 @@ class PacketDrive:
                     f"{self.path}: packets of a LiDAR by {maker}, which are not read; save points as .pcd files or in "
                     f"a ROS bag with {tool}"
                 )
-        return OusterDecoder(self._metadata(metadata, len(first)))
+        return OusterDecoder(self._metadata(metadata, first))
 
-    def _metadata(self, said: Path | None, size: int) -> Metadata:
-        """That the user names, or that lies beside the recording and fits its packets of `size` bytes."""
+    def _metadata(self, said: Path | None, payload: bytes) -> Metadata:
+        """That the user names, or that lies beside the recording and fits a packet of it."""
         if said is not None:
             metadata = read_metadata(said)
-            if metadata.packet.itemsize != size:
-                raise InputError(
-                    f"{said}: by it packets have {metadata.packet.itemsize} bytes, but in {self.path} most have "
-                    f"{size}; name the metadata of this recording"
-                )
+            if fault := metadata.misfit(payload):
+                raise InputError(f"{said}: {fault} in {self.path}; name the metadata of this recording")
             return metadata
         files = sorted(self.path.parent.glob("*.json"), key=lambda file: (not file.stem.startswith(self.name), file))
         faults = []
@@ -157,13 +154,14 @@ class PacketDrive:
                 if file.stem.startswith(self.name):
                     faults.append(str(error))
                 continue
-            if metadata.packet.itemsize == size:
+            fault = metadata.misfit(payload)
+            if not fault:
                 return metadata
-            faults.append(f"{file} is of packets of {metadata.packet.itemsize} bytes")
+            faults.append(f"{file}: {fault}")
         why = f" ({'; '.join(faults)})" if faults else ""
         raise InputError(
-            f"{self.path}: packets of {size} bytes that only an Ouster's metadata explain{why}; place the .json file "
-            f"that was recorded with it beside it as {self.name}.json, or name it with --sensor FILE.json"
+            f"{self.path}: packets of {len(payload)} bytes that only an Ouster's metadata explain{why}; place the "
+            f".json file that was recorded with it beside it as {self.name}.json, or name it with --sensor FILE.json"
         )
 
     def _stamps(self) -> tuple[Array, str, tuple[Problem, ...]]:

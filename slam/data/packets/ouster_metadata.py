@@ -128,6 +128,15 @@ class Metadata:
             }
         )
 
+    def misfit(self, payload: bytes) -> str:
+        """What is wrong where a packet with points is not of this sensor; '' where it may be."""
+        if len(payload) != self.packet.itemsize:
+            return f"by it packets have {self.packet.itemsize} bytes, but most have {len(payload)}"
+        serial = 0 if self.profile.legacy else int.from_bytes(payload[7:12], "little")
+        if serial and self.serial and serial != self.serial:
+            return f"it is of sensor {self.serial}, but packets are of {serial}"
+        return ""
+
     @cached_property
     def ring(self) -> Array:
         """(R,) uint16: the place of each beam among them, 0 on top."""

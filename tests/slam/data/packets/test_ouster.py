@@ -136,3 +136,14 @@ def test_metadata_that_make_no_sense_are_refused(changes: dict[str, Any], fault:
 def test_what_are_no_metadata_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"^m\.json: .*metadata is needed"):
         parse_metadata(text, "m.json")
+
+
+def test_metadata_of_another_sensor_of_the_same_kind_do_not_fit() -> None:
+    about = metadata(udp_profile_lidar="RNG15_RFL8_NIR8")
+    packet = bytearray(about.packet.itemsize)
+    assert about.misfit(bytes(packet)) == ""
+    packet[7:12] = (123).to_bytes(5, "little")
+    assert about.misfit(bytes(packet)) == ""
+    packet[7:12] = (124).to_bytes(5, "little")
+    assert about.misfit(bytes(packet)) == "it is of sensor 123, but packets are of 124"
+    assert metadata(udp_profile_lidar="RNG15_RFL8_NIR8", prod_sn="").misfit(bytes(packet)) == ""

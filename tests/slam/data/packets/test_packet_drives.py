@@ -54,7 +54,7 @@ def test_missing_metadata_are_asked_for(ouster_drive: Maker) -> None:
     assert open_dataset(path, sensor=elsewhere / "m.json").sensor is not None
     wrong = METADATA | {"udp_profile_lidar": "RNG15_RFL8_NIR8"}
     (elsewhere / "m.json").write_text(json.dumps(wrong))
-    with pytest.raises(InputError, match=r"by it packets have 512 bytes, but in .* most have 1088"):
+    with pytest.raises(InputError, match=r"by it packets have 512 bytes, but most have 1088 in "):
         open_dataset(path, sensor=elsewhere / "m.json")
     path.with_suffix(".json").write_text("{")
     with pytest.raises(InputError, match=r"drive\.json: no JSON"):
