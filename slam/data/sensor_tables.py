@@ -74,7 +74,8 @@ rs16, rs32 = partial(tabled, "rs-16", nominal=True), partial(tabled, "rs-32", no
 rs_helios, rs_ruby = partial(tabled, "rs-helios", nominal=True), partial(tabled, "rs-ruby", nominal=True)
 rs_bpearl = partial(tabled, "rs-bpearl", nominal=True)
 
-#: Degrees above and below the horizon, from Ouster's data sheets.
+#: Degrees above and below the horizon, of the lines as they are sold (OS1: its data sheet, 128 channels; the first
+#: OS1s of 64 and 16 channels see 16.6).
 OUSTER_HALF_VIEW = {"os0": 45.0, "os1": 22.5, "os2": 11.25}
 #: Of an OS1's beams in turn, to the left [deg]: design values of its first generation, clockwise in Ouster's client.
 OS1_COLUMNS = [-3.164, -1.055, 1.055, 3.164]
