@@ -1,1 +1,1 @@
-"""How recordings are read."""
+"""Reading of recordings and decoding of packets, compared with other decoders."""

@@ -18,6 +18,7 @@ from slam.data.sensor_names import SENSORS
 
 
 class Input(StrEnum):
+    FULL = "full"
     SIXTY_FOUR = "64"
     SIXTEEN = "16"
     ENRICHED = "enriched"
@@ -30,11 +31,18 @@ class Stamp(StrEnum):
 
 
 DatasetArgument = Annotated[
-    Path, typer.Argument(help="A KITTI odometry or raw folder, a recording (.bag, .db3, .mcap), or a folder of scans.")
+    Path,
+    typer.Argument(
+        help="A KITTI odometry or raw folder, a recording (.bag, .db3, .mcap), a packet capture (.pcap), or a folder "
+        "of scans."
+    ),
 ]
 SequenceOption = Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")]
 FramesOption = Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")]
-SensorOption = Annotated[str | None, typer.Option(help=f"{', '.join(SENSORS.names())} or a YAML file with the beams.")]
+SensorOption = Annotated[
+    str | None,
+    typer.Option(help=f"{', '.join(SENSORS.names())}, a YAML file with the beams or an Ouster's metadata (.json)."),
+]
 ColumnsOption = Annotated[
     str | None,
     typer.Option(help="What the numbers of .bin and .npy scans are, if not x,y,z,intensity: x,y,z,intensity,ring,t:u4"),
@@ -43,7 +51,8 @@ ConfigOption = Annotated[str | None, typer.Option(help=f"A YAML file or a preset
 SetOption = Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")]
 StrictOption = Annotated[bool, typer.Option("--strict", help="Stop at the first damage in the data.")]
 InputOption = Annotated[
-    Input | None, typer.Option(help="64: the scan as recorded; 16: rings dropped; enriched: 16, the rest filled in.")
+    Input | None,
+    typer.Option(help="full: as recorded (64 for 64 rings); 16: 16 of its rings; enriched: 16, the rest filled in."),
 ]
 EnricherOption = Annotated[
     str | None,

@@ -62,7 +62,7 @@ def run(
     Example: `lidarlift run kitti/sequences/04 --frames 0:50 --set odometry.cell_sizes=[1.2,0.8] --out runs/04`
     """
     from eval.tables import format_metrics
-    from slam.data.dataset import open_dataset
+    from slam.data.dataset import open_dataset, ring_count
     from slam.session import read_report
 
     said: dict[str, Any] = {
@@ -76,7 +76,7 @@ def run(
         "duration": seconds(duration, "--duration"),
     }
     data = open_dataset(dataset, sequence, sensor, **said)
-    chosen = settings_for(data.sensor, input and input.value, enricher, config, set_ or ())
+    chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict)
     report = read_report(folder)

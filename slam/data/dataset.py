@@ -27,9 +27,10 @@ class Dataset(Protocol):
     problems      what is wrong with the data set as a whole; `Frame.problems` is for single scans
 
     Those of this package also have `point_times`, the verdict on the points' times (`PointTimes`), `stamps_from`, the
-    place that stamps are from, of a recording the `topics` in use, and where it is not simply the usual step between
-    stamps `scan_period` [s]; `points(position)`, a scan as its file has it; `images`, the file of each scan's image, or
-    None; `folders` that the drive is read from; and a folder `truth_readings` (see `GroundTruth`).
+    place that stamps are from, of a recording the `topics` in use, and where they tell more than the fields above
+    `scan_period` [s], the usual step between scans, and `rings`, how many the LiDAR has by the files' numbers;
+    `points(position)`, a scan as its file has it; `images`, the file of each scan's image, or None; `folders` that the
+    drive is read from; and a folder `truth_readings` (see `GroundTruth`).
     """
 
     @property
@@ -86,6 +87,7 @@ DATASETS = Registry[Dataset](
         "kitti-odometry": "slam.data.kitti_odometry:KittiOdometry",
         "kitti-raw": "slam.data.kitti_raw:KittiRaw",
         "recording": "slam.data.recordings.dataset:RecordedDrive",
+        "packets": "slam.data.packets.dataset:PacketDrive",
         FOLDER: "slam.data.folder:UserFolder",
     },
     "lidarlift.datasets",
@@ -106,13 +108,13 @@ def open_dataset(
     start: float | None = None,
     duration: float | None = None,
 ) -> Dataset:
-    """The drive at a path: KITTI odometry, KITTI raw, a recording, a kind that another package adds, or a folder of
-    scans.
+    """The drive at a path: KITTI odometry, KITTI raw, a recording, a packet capture, a kind that another package adds,
+    or a folder of scans.
 
     Args:
         path: KITTI odometry's root, its `sequences` folder or one sequence; of KITTI raw the root, a date or a drive
-            (`..._sync`); a recording, the file or its folder (`RecordedDrive`); or a folder of scans of the user's own
-            (`UserFolder`).
+            (`..._sync`); a recording, the file or its folder (`RecordedDrive`); a packet capture (`PacketDrive`); or a
+            folder of scans of the user's own (`UserFolder`).
         sequence: Picks one where there are several ('04'; '0005').
         sensor: Overrides what the folder says of the LiDAR (see `load_sensor`).
         stamp: The instant of a sweep that the stamps belong to, 'start', 'middle' or 'end'; by default sensor.yaml's
@@ -156,7 +158,8 @@ def _drives(path: str | Path) -> tuple[Path, Loader, dict[str, Path]]:
             return path, loader, found
         layouts.append(loader.LAYOUT)
     if path.is_file():
-        raise InputError(f"{path}: is a file, not a folder with scans or a recording (.bag, .db3, .mcap); name a drive")
+        known = "a recording (.bag, .db3, .mcap) or a packet capture (.pcap, .pcapng)"
+        raise InputError(f"{path}: is a file, not a folder with scans, {known}; name a drive")
     if below := [str(child) for child in sorted(path.iterdir()) if child.is_dir() and loader.drives(child)]:
         raise InputError(f"{path}: no drive found here, but scans in {', '.join(below[:3])}; name that folder")
     raise InputError(f"{path}: no drive found; looked for {', '.join(layouts[:-1])} and {layouts[-1]}")
@@ -169,6 +172,14 @@ def _taken(loader: Loader, path: Path, said: Mapping[str, str | float | None]) -
         if name not in signature(loader).parameters:
             raise InputError(f"{path}: --{name.replace('_', '-')} is not for this kind of data set; leave it out")
     return given
+
+
+def ring_count(data: Dataset) -> int | None:
+    """How many rings a data set's LiDAR has, by its sensor or counted in the first scans; None where nobody knows."""
+    if data.sensor is not None:
+        return data.sensor.ring_count
+    counted: int | None = getattr(data, "rings", None)
+    return counted
 
 
 def chosen_positions(data: Dataset, frames: slice) -> range:

@@ -17,7 +17,7 @@ from slam.data.point_files import SUFFIXES, Points, read_points
 from slam.data.problem import Problem
 from slam.data.scan_columns import SAMPLES, Columns, find_columns
 from slam.data.scan_names import ScanNames, named_scans
-from slam.data.sensor import Sensor, conventions_of_folder, sensor_of_folder
+from slam.data.sensor import Sensor, conventions_of_folder, nominal_lines, sensor_of_folder
 from slam.data.stamps import mended, usual_step
 from slam.data.time_files import TIME_FILES, read_stamps
 
@@ -74,7 +74,7 @@ class UserFolder:
         recorded, self.stamps_from, unusual = self._read_stamps(scans)
         period = None if recorded is None else usual_step(recorded)
         self._columns = find_columns(self._first_scans(recorded), self.sensor, said, period, self._files[0])
-        self.point_times = self._columns.times
+        self.point_times, self.rings = self._columns.times, self._columns.rings
         slow: tuple[Problem, ...] = ()
         if recorded is None:
             recorded, slow = self._assumed_stamps(step)
@@ -85,7 +85,8 @@ class UserFolder:
         self.ground_truth, self.truth_readings = truth.poses, truth.readings
         beside = (*uncalibrated, *unmatched, *truth.problems)
         missing = gaps(self.numbers, self._files[0].parent, step)
-        self.problems = (*told, *missing, *unusual, *slow, *self._columns.problems, *beside)
+        nominal = nominal_lines(self.sensor, path)
+        self.problems = (*told, *missing, *unusual, *slow, *nominal, *self._columns.problems, *beside)
 
     def __len__(self) -> int:
         return len(self._files)

@@ -87,7 +87,7 @@ class KittiLayout:
         write_text(self._sequence / "calib.txt", "\n".join(lines) + "\n")
         write_text(self._sequence / "times.txt", "".join(f"{stamp:e}\n" for stamp in stamps))
         correction = "vertical_correction_deg: 0.0\n"  # the loader's own for KITTI is that of KITTI's LiDAR
-        write_text(self._sequence / "sensor.yaml", f"model: {rig.lidar.sensor.name}\n{correction}{compensated(rig)}")
+        write_text(self._sequence / "sensor.yaml", sensor_text(rig) + correction)
         poses = Tr @ rig.poses @ se3.inverse(Tr)
         write_text(self._folder / "poses" / f"{SEQUENCE}.txt", kitti_text(se3.inverse(poses[0]) @ poses))
 
@@ -142,7 +142,7 @@ class FolderLayout:
         matrices = {"K": rig.calibration.K, "T_camera_lidar": rig.calibration.T_camera_lidar}
         calibration = "".join(f"{name}: {matrix.tolist()}\n" for name, matrix in matrices.items())
         write_text(self._folder / "calib.yaml", calibration)
-        write_text(self._folder / "sensor.yaml", f"model: {rig.lidar.sensor.name}\n{compensated(rig)}")
+        write_text(self._folder / "sensor.yaml", sensor_text(rig))
 
     def holds(self, count: int) -> bool:
         """See `Layout`."""
@@ -161,9 +161,12 @@ class FolderLayout:
         return points[np.argsort(scan.fraction, kind="stable")]
 
 
-def compensated(rig: Rig) -> str:
-    """The line of a sensor.yaml."""
-    return f"motion_compensated: {'false' if rig.distort else 'true'}\n"
+def sensor_text(rig: Rig) -> str:
+    """Return the content of sensor.yaml; it has the laser lines of a sensor whose built-in lines are nominal."""
+    sensor = rig.lidar.sensor
+    beams = np.column_stack([np.rad2deg(sensor.elevation), sensor.offset, np.rad2deg(sensor.azimuth)])
+    lines = f"model: {sensor.name}\n" + (f"beams: {beams.tolist()}\n" if sensor.nominal else "")
+    return f"{lines}motion_compensated: {'false' if rig.distort else 'true'}\n"
 
 
 def write_truth(files: dict[str, Path], frame: SimulatedFrame) -> None:

@@ -19,7 +19,7 @@ from slam.data.recordings.writer import FORMS, RecordingWriter, recording_writer
 from slam.simulation.camera import CAMERA
 from slam.simulation.drivers import Driver
 from slam.simulation.instruments import Fixes, Motion, fixes_along, motion_along
-from slam.simulation.layouts import compensated, write_truth
+from slam.simulation.layouts import sensor_text, write_truth
 from slam.simulation.lidar import Scan
 from slam.simulation.rig import Rig, SimulatedFrame
 
@@ -76,7 +76,7 @@ class RecordedLayout:
 
     def write_surroundings(self, rig: Rig, stamps: Array) -> None:
         """See `Layout`."""
-        write_text(self._folder / "sensor.yaml", f"model: {rig.lidar.sensor.name}\n{compensated(rig)}")
+        write_text(self._folder / "sensor.yaml", sensor_text(rig))
 
     def holds(self, count: int) -> bool:
         """See `Layout`."""

@@ -24,7 +24,7 @@ from slam.data.recordings.transforms import Mounting
 from slam.data.recordings.truth import read_truth
 from slam.data.scan_columns import SAMPLES, find_columns
 from slam.data.scan_names import named_scans
-from slam.data.sensor import conventions_of_folder, sensor_of_folder
+from slam.data.sensor import conventions_of_folder, nominal_lines, sensor_of_folder
 from slam.data.sound_points import NONE, Offset, map_frame
 from slam.data.stamps import mended, usual_step
 
@@ -100,13 +100,14 @@ class RecordedDrive:
         first, odd = self._first_scans()
         said = conventions_of_folder(folder, sensor).said(stamp, point_time)
         self._columns = find_columns(first, self.sensor, said, usual_step(self.stamps), self._where)
-        self.point_times = self._columns.times
+        self.point_times, self.rings = self._columns.times, self._columns.rings
 
         mounting = mounting_of(self.recording)
         self.calibration, self._images, blind = self._camera(image_topic, clouds, mounting, folder)
         self.ground_truth, untrue = self._truth(truth_topic, clouds, mounting)
         told = (*self.recording.problems, *several, *clock_problems(clouds, str(self._where)), *repaired, *odd)
-        self.problems = (*told, *self._columns.problems, *blind, *untrue)
+        nominal = nominal_lines(self.sensor, path)
+        self.problems = (*told, *nominal, *self._columns.problems, *blind, *untrue)
 
     def __len__(self) -> int:
         return len(self.numbers)

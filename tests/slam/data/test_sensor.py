@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slam.data.errors import InputError
-from slam.data.sensor import Sensor, load_sensor
+from slam.data.sensor import Sensor, kitti_sensor, load_sensor
 
 
 @pytest.mark.parametrize("name", ["hdl64", "HDL-64E", "hdl64e"])
@@ -105,3 +105,12 @@ def test_beams_may_be_staggered(tmp_path: Path) -> None:
     assert np.rad2deg(load_sensor(path).only(np.array([1])).azimuth) == pytest.approx([-3])
     with pytest.raises(ValueError, match="different lengths"):
         Sensor("odd", np.zeros(2), np.zeros(2), azimuth=np.zeros(3))
+
+
+def test_only_kittis_own_lidar_has_its_vertical_error(tmp_path: Path) -> None:
+    error = pytest.approx(np.deg2rad(0.205))
+    assert kitti_sensor(tmp_path, None, True).vertical_correction == error
+    assert kitti_sensor(tmp_path, "HDL-64E", True).vertical_correction == error
+    assert kitti_sensor(tmp_path, "vlp16", True).vertical_correction == 0
+    (tmp_path / "sensor.yaml").write_text("model: hdl64\nvertical_correction_deg: 0.3\n")
+    assert kitti_sensor(tmp_path, "vlp16", True).vertical_correction == pytest.approx(np.deg2rad(0.3))
