@@ -15,6 +15,9 @@ from slam.data.cloud import Array, Frame, History, PointCloud
 from slam.data.sensor import Sensor
 
 BEAMS = 64  # about so many lines where the sensor's own are fewer
+FIRST_SCANS = 10  # that tell how many columns are usual
+ENOUGH = 90  # points on its fullest ring that a scan needs to tell: a quarter of a turn at the coarsest
+OTHERWISE = 1.25  # times more columns, or fewer, than those that are filled now
 
 
 class Enricher:
@@ -45,7 +48,7 @@ class Enricher:
         self.measure, self.method, self.coverage = measure, Calibrated(method), coverage
         self.lines, self.rings = lines, rings
         self.target = target or denser(lines, rings)
-        self._columns: int | None = None  # as many as the first scan fills
+        self._columns_of = UsualColumns()
         self._row_of_ring = np.abs(heights(lines)[:, None] - heights(self.target)).argmin(axis=1)
         self._ring_of_row = np.full(self.target.ring_count, -1)
         self._ring_of_row[self._row_of_ring[rings]] = rings
@@ -55,13 +58,13 @@ class Enricher:
         cloud = self.measure(frame, history)
         if cloud.ring is None or len(cloud) == 0:
             return cloud
-        self._columns = self._columns or columns_for(cloud)
-        grid = RayGrid(self.target, self._columns)
+        columns = self._columns_of(cloud)
+        grid = RayGrid(self.target, columns)
 
         def past() -> History:
             return [(self._as_measured(then), T_now_then) for then, T_now_then in history if then.ring is not None]
 
-        scan = SparseScan(cloud, self.lines, self.rings, frame.read_image, frame.calibration, self._columns, past)
+        scan = SparseScan(cloud, self.lines, self.rings, frame.read_image, frame.calibration, columns, past)
         return self._joined(scan, grid, self.method(scan, grid))
 
     def _as_measured(self, cloud: PointCloud) -> PointCloud:
@@ -93,6 +96,30 @@ class Enricher:
         relative = (prediction.sigma / np.maximum(prediction.ranges, np.float32(1e-3)))[prediction.trusted]
         limit = np.quantile(relative, self.coverage) if len(relative) else 0.0
         return prediction.trusted & (prediction.sigma <= limit * prediction.ranges)
+
+
+class UsualColumns:
+    """How many columns a drive's scans fill: as the first one says, unless the first few together say otherwise.
+
+    A scan of few points, as at the start of a recording, says nothing.
+    """
+
+    def __init__(self) -> None:
+        self._seen: list[int] = []
+        self._chosen = 0
+
+    def __call__(self, cloud: PointCloud) -> int:
+        """Of the grid for the next scan, which has rings."""
+        if len(self._seen) == FIRST_SCANS:
+            return self._chosen
+        assert cloud.ring is not None
+        found = columns_for(cloud)
+        if np.bincount(cloud.ring).max() >= ENOUGH:
+            self._seen.append(found)
+            usual = sorted(self._seen)[len(self._seen) // 2]
+            if not 1 / OTHERWISE < self._chosen / usual < OTHERWISE:
+                self._chosen = usual
+        return self._chosen or found
 
 
 def denser(lines: Sensor, rings: Array) -> Sensor:

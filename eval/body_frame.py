@@ -1,62 +1,12 @@
-"""Whose poses a trajectory holds, the LiDAR's or camera 0's, and the way from one to the other."""
+"""KITTI's calibration between camera 0 and the LiDAR, and the check that two trajectories are of one body."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
-import numpy as np
-
-from slam.data import se3
+from slam.data.body_frame import BodyFrame, body_frame, rotations
 from slam.data.cloud import Array
 from slam.data.errors import InputError
-
-#: "lidar": x forward, y left, z up. "camera": KITTI's camera 0, x right, y down, z forward.
-BodyFrame = Literal["lidar", "camera", "unknown"]
-
-#: Below this distance from the start [m] the motion may be noise, and below this share of the squared motion an axis
-#: does not stand out: then the frame is unknown.
-MIN_DISTANCE = 2.0
-MIN_SHARE = 0.8
-ROUNDING = 1e-2  # of R^T R, as text files keep rotations
-
-
-def body_frame(poses: Array) -> BodyFrame:
-    """The frame of a vehicle's poses, told from the axis along which the body moves: a vehicle drives forward.
-
-    Args:
-        poses: (N, 4, 4) [m], N >= 1.
-
-    Returns:
-        "lidar" if most of the motion between consecutive poses is along the body's x, "camera" if it is along z,
-        "unknown" if neither stands out or the body hardly moved.
-
-    Example:
-        >>> ahead = np.tile(np.eye(4), (5, 1, 1)); ahead[:, 0, 3] = range(5)
-        >>> body_frame(ahead), body_frame(ahead[:2])
-        ('lidar', 'unknown')
-    """
-    position = poses[:, :3, 3]
-    if np.linalg.norm(position - position[0], axis=1).max() < MIN_DISTANCE:
-        return "unknown"
-    motion = (se3.inverse(poses[:-1]) @ poses[1:])[:, :3, 3]
-    share = (motion**2).sum(axis=0) / (motion**2).sum()
-    if share[0] > MIN_SHARE:
-        return "lidar"
-    return "camera" if share[2] > MIN_SHARE else "unknown"
-
-
-def into_lidar_frame(poses: Array, T_camera0_lidar: Array) -> Array:
-    """Poses P of KITTI's camera 0 as poses of the LiDAR: inv(Tr) P Tr.
-
-    Args:
-        poses: Of camera 0 (N, 4, 4) [m], in the axes of the first.
-        T_camera0_lidar: Tr (4, 4), maps points of the LiDAR into camera 0.
-
-    Returns:
-        Poses of the LiDAR (N, 4, 4) [m], in the axes of the first.
-    """
-    return se3.inverse(T_camera0_lidar) @ poses @ T_camera0_lidar
 
 
 def read_camera0_calibration(path: Path) -> Array:
@@ -85,7 +35,7 @@ def read_camera0_calibration(path: Path) -> Array:
             f"{path}: no LiDAR-to-camera transform in it; expected the line 'Tr:' of a KITTI odometry calib.txt "
             "or 'R:' and 'T:' of a raw drive's calib_velo_to_cam.txt"
         )
-    if not is_rotation(T):
+    if not rotations(T[None]).all():
         raise InputError(f"{path}: the LiDAR-to-camera transform is not a rotation and a translation; check the file")
     if T[2, 0] < 0.5:
         raise InputError(
@@ -93,13 +43,6 @@ def read_camera0_calibration(path: Path) -> Array:
             "is it another pair of sensors, such as calib_imu_to_velo.txt?"
         )
     return T
-
-
-def is_rotation(poses: Array) -> bool:
-    """Whether the 3x3 parts of a pose (4, 4) or of poses (N, 4, 4) are rotations, up to a text file's rounding."""
-    R = poses[..., :3, :3]
-    orthonormal = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max() < ROUNDING
-    return bool(orthonormal and (np.linalg.det(R) > 0).all())
 
 
 def require_same_frame(

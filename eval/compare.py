@@ -121,7 +121,7 @@ def compare_runs(folders: Mapping[str, Path]) -> Comparison:
 
 def _odometry(folder: Path) -> Array:
     """Poses (N, 4, 4) before loops."""
-    return read_poses(folder / "odometry_tum.txt")[1]
+    return read_poses(folder / "odometry_tum.txt", "xyzw")[1]
 
 
 def _figures(folder: Path) -> RunFigures:

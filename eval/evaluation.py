@@ -14,15 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from eval import kitti_metric, trajectory
 from eval.alignment import MAX_STAMP_DIFFERENCE, NOT_UNIQUE, associate, umeyama
-from eval.body_frame import (
-    body_frame,
-    into_lidar_frame,
-    is_rotation,
-    read_camera0_calibration,
-    require_same_frame,
-)
+from eval.body_frame import read_camera0_calibration, require_same_frame
 from eval.metrics import AbsoluteErrors, Metrics, RelativeErrors, RunMetrics
 from slam.data.atomic import write_text
+from slam.data.body_frame import body_frame, into_lidar_frame
 from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.pose_files import read_poses
@@ -93,8 +88,8 @@ def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -
         InputError: A file cannot be read, the two cannot be paired, or their frames of reference do not fit (see
             `require_same_frame`).
     """
-    stamps, e = _read(estimate)
-    reference_stamps, g = _read(reference)
+    stamps, e = read_poses(estimate)
+    reference_stamps, g = read_poses(reference)
     protocol = {"association": "equal numbers of poses, in order"}
     if stamps is not None and reference_stamps is not None:
         protocol["association"] = f"by time stamp, at most {MAX_STAMP_DIFFERENCE} s apart"
@@ -215,15 +210,8 @@ def write_json(path: Path, content: Any) -> None:
     write_text(path, json.dumps(finite(content), indent=2, allow_nan=False) + "\n")
 
 
-def _read(path: Path) -> tuple[Array | None, Array]:
-    stamps, poses = read_poses(path)
-    if not is_rotation(poses):
-        raise InputError(f"{path}: its 3x3 parts are not rotations; is it a KITTI trajectory (r11 r12 r13 tx ...)?")
-    return stamps, poses
-
-
 def _read_stamped(path: Path) -> tuple[Array, Array]:
-    stamps, poses = _read(path)
+    stamps, poses = read_poses(path, "xyzw")  # as a run writes them
     if stamps is None:
         raise InputError(f"{path}: has no stamps; TUM's format is expected (stamp tx ty tz qx qy qz qw)")
     return stamps, poses

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eval.alignment import alignment_transform
-from eval.body_frame import body_frame
 from eval.evaluation import pair_up
 from eval.trajectory import distances
+from slam.data.body_frame import body_frame
 from slam.data.cloud import Array
 from slam.data.plot_style import BLUE, GREY, INK, VERMILION, save_png, tidy
 from slam.data.pose_files import read_poses
@@ -95,9 +95,9 @@ def plot_run(folder: Path, title: str | None = None) -> Path:
     Raises:
         InputError: A file cannot be read, or the two trajectories cannot be paired.
     """
-    stamps, estimate = read_poses(folder / "trajectory_tum.txt")
+    stamps, estimate = read_poses(folder / "trajectory_tum.txt", "xyzw")
     truth_file = folder / "ground_truth_tum.txt"
-    truth_stamps, truth = read_poses(truth_file) if truth_file.is_file() else (None, None)
+    truth_stamps, truth = read_poses(truth_file, "xyzw") if truth_file.is_file() else (None, None)
     picture = folder / "trajectory.png"
     plot_trajectory(picture, estimate, truth, title or folder.resolve().name, stamps, truth_stamps)
     return picture

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from lidarlift.comparing import compare as compare
     from lidarlift.enriching import enrich as enrich
     from lidarlift.evaluating import evaluate as evaluate
+    from lidarlift.inspecting import info as info
     from lidarlift.live import Slam as Slam
     from lidarlift.running import run as run
     from slam.config import load_config as load_config
@@ -35,6 +36,7 @@ _PLACES = {
     "compare": "lidarlift.comparing",
     "enrich": "lidarlift.enriching",
     "evaluate": "lidarlift.evaluating",
+    "info": "lidarlift.inspecting",
     "load_config": "slam.config",
     "open_dataset": "slam.data.dataset",
     "run": "lidarlift.running",

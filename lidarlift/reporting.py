@@ -38,11 +38,11 @@ class Quiet:
         log.warning(message)
 
 
-def note_problems(problems: Sequence[Problem], reporter: Reporter) -> None:
-    """Note the first problem of each kind, and how many there are; run.json has them all."""
+def note_problems(problems: Sequence[Problem], reporter: Reporter, elsewhere: str = ", see run.json") -> None:
+    """Note the first problem of each kind, how many there are, and where all are to be found."""
     kinds: dict[str, list[str]] = {}
     for problem in problems:
         kinds.setdefault(problem.kind, []).append(problem.message)
     for kind, found in kinds.items():
-        more = f" (and {len(found) - 1} more, see run.json)" if len(found) > 1 else ""
+        more = f" (and {len(found) - 1} more{elsewhere})" if len(found) > 1 else ""
         reporter.note(f"{kind}: {found[0]}{more}")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lidarlift.folders import require_apart
 from lidarlift.front_ends import front_end_maker, input_name, opened, settings_for
 from lidarlift.reporting import Quiet, Reporter, note_problems
 from slam.data.atomic import require_writable
@@ -101,13 +102,15 @@ class _Task:
     def title(self) -> str:
         return f"{self.name or self.data.name}, {input_name(self.settings)}"
 
-    def run(self, on_odometry: Callable[[Run], None] | None = None) -> Run:
+    def run(
+        self, on_odometry: Callable[[Run], None] | None = None, on_stop: Callable[[Run], None] | None = None
+    ) -> Run:
         from slam.compilation import compile_kernels
         from slam.pipeline import Pipeline
         from slam.recorded_odometry import RecordedOdometry
 
         make_front_end = front_end_maker(self.settings.front_end, self.data.sensor, self.data.path)
-        recorded = RecordedOdometry(self.odometry, len(self.data)) if self.odometry else None
+        recorded = RecordedOdometry(self.odometry, len(self.data), self.data.calibration) if self.odometry else None
         compile_kernels(self.settings, lambda: self.reporter.note("compiling kernels, once: about 20 seconds ..."))
         with self.reporter.progress(self.title, len(range(len(self.data))[self.frames])) as advance:
             result = Pipeline(self.settings, make_front_end).run(
@@ -117,6 +120,7 @@ class _Task:
                 strict=self.strict,
                 on_frame=lambda _: advance(),
                 on_odometry=on_odometry,
+                on_stop=on_stop,
             )
         note_problems(result.problems, self.reporter)
         return result
@@ -124,11 +128,17 @@ class _Task:
     def run_into(self, folder: Path) -> tuple[Run, RunMetrics | None]:
         from eval.evaluation import evaluate_run
         from eval.plot import plot_run
-        from slam.session import save_odometry, save_run
+        from slam.session import save_odometry, save_run, save_stopped
 
+        require_apart(folder, self.data)
         require_writable(folder)
+
+        def keep(run: Run) -> None:
+            if place := save_stopped(run, folder):
+                self.reporter.note(f"stopped after {len(run.records)} frames; their poses are in {place}")
+
         # an hour's work is not lost where the rest is stopped
-        result = self.run(on_odometry=lambda run: save_odometry(run, folder))
+        result = self.run(on_odometry=lambda run: save_odometry(run, folder), on_stop=keep)
         save_run(result, folder)
         metrics = evaluate_run(folder)
         plot_run(folder, self.title)

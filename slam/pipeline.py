@@ -15,9 +15,11 @@ import numpy as np
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import Dataset, chosen_positions
 from slam.data.errors import InputError
+from slam.data.images import ImageFile
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
 from slam.data.stamps import stamp_problems, usual_step
+from slam.data.world_frame import centre, world_frame_problem
 from slam.front_end import FrontEnd, RingFrontEnd
 from slam.mapper import Mapper
 from slam.mid_sweep import MidSweepOdometry
@@ -78,6 +80,8 @@ class Slam:
         )
         self._mapper = Mapper(config)
         self._waiting: list[tuple[int, Frame, PointCloud]] = []  # whose poses are provisional, with their positions
+        self._images: list[ImageFile] = []  # that seemed sound, and may turn out to be damaged when they are read
+        self._centres: list[Array] = []
         self._sweep_duration, self._strict = sweep_duration, strict
 
     def __enter__(self) -> Self:
@@ -114,7 +118,14 @@ class Slam:
         problems = (*frame.problems, *stamp_problems(frame, before, self._sweep_duration))
         _refuse(problems, self._strict)
         self.result.problems.extend(problems)
+        unread = frame.read_image if isinstance(frame.read_image, ImageFile) else None
+        if unread is not None and unread.problem is not None:
+            unread = None  # among the frame's problems already
+        self._centres.append(centre(frame.cloud.xyz))
         tracked = self._tracker(frame)
+        if unread is not None:
+            self._images.append(unread)
+            self._note_images([unread])
         self.result.timed += tracked.timed
         self.result.sizes = self._tracker.sizes
 
@@ -151,7 +162,17 @@ class Slam:
             self._hand_on(self._tracker.settle())
             self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
             self._mapper.close()
+            self._note_images(self._images)
+            self.result.problems.extend(world_frame_problem(np.array(self._centres), self.result.odometry_poses))
         return self.result
+
+    def _note_images(self, images: Sequence[ImageFile]) -> None:
+        """What reading showed of images that seemed sound is a problem of the run, once."""
+        problems = [image.problem for image in images if image.problem]
+        if problems:
+            self._images = [image for image in self._images if image.problem not in problems]
+        _refuse(problems, self._strict)
+        self.result.problems.extend(problems)
 
 
 class Pipeline:
@@ -173,6 +194,7 @@ class Pipeline:
         strict: bool = False,
         on_frame: Callable[[FrameRecord], None] | None = None,
         on_odometry: Callable[[Run], None] | None = None,
+        on_stop: Callable[[Run], None] | None = None,
     ) -> Run:
         """Feed the frames of a data set to `Slam`.
 
@@ -184,6 +206,8 @@ class Pipeline:
             on_frame: Called after each frame.
             on_odometry: Called when all frames are registered. Judging the loops and building the map follow, and may
                 take minutes.
+            on_stop: Called with what is known where an exception, Ctrl-C among them, ends the run before that; not
+                where `strict` does, which asks for all or nothing.
 
         Raises:
             InputError: No frames are left, a step asks for what the data do not have, or `strict` met a problem.
@@ -196,13 +220,20 @@ class Pipeline:
         odometry = recorded.steps(positions, **about) if recorded else None
         front_end = self.make_front_end() if self.make_front_end else None
         slam = Slam(self.config, front_end, source=source, sweep_duration=sweep, odometry=odometry, strict=strict)
-        _refuse(dataset.problems, strict)
-        slam.result.problems.extend(dataset.problems)
+        problems = (*dataset.problems, *(recorded.problems if recorded else ()))
+        _refuse(problems, strict)
+        slam.result.problems.extend(problems)
         with slam:
-            for position, (frame, load) in zip(positions, _read_ahead(dataset, positions), strict=True):
-                record = slam.add(recorded.stamped(frame, position) if recorded else frame, load)
-                if on_frame:
-                    on_frame(record)
+            try:
+                for position, (frame, load) in zip(positions, _read_ahead(dataset, positions), strict=True):
+                    record = slam.add(recorded.stamped(frame, position) if recorded else frame, load)
+                    if on_frame:
+                        on_frame(record)
+            except BaseException as error:
+                if on_stop and not isinstance(error, RefusedError):
+                    on_stop(slam.result)
+                raise
+            slam.result.settle_truth()
             if on_odometry:
                 on_odometry(slam.result)
             return slam.finish()
@@ -223,9 +254,16 @@ def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
     """The frames of a data set as the source of a run. Raises InputError where none are left."""
     positions = chosen_positions(dataset, frames)
     truth = None if dataset.ground_truth is None else dataset.ground_truth[positions]
-    verdict, stamps_from = (getattr(dataset, name, None) for name in ("point_times", "stamps_from"))
     return Source(
-        dataset.name, dataset.path, dataset.sensor, dataset.calibration, positions, truth, verdict, stamps_from
+        dataset.name,
+        dataset.path,
+        dataset.sensor,
+        dataset.calibration,
+        positions,
+        truth,
+        {order: poses[positions] for order, poses in getattr(dataset, "truth_readings", {}).items()},
+        getattr(dataset, "point_times", None),
+        getattr(dataset, "stamps_from", None),
     )
 
 
@@ -260,9 +298,13 @@ def _check_times(frame: Frame, sweep: float) -> None:
         )
 
 
+class RefusedError(InputError):
+    """The data have a problem, and the caller asked to stop at the first."""
+
+
 def _refuse(problems: Sequence[Problem], strict: bool) -> None:
     if strict and problems:
-        raise InputError(problems[0].message)
+        raise RefusedError(problems[0].message)
 
 
 def _read_ahead(dataset: Dataset, positions: range) -> Iterator[tuple[Frame, float]]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from slam import degeneracy
 from slam.cell_sizes import Sizes
 from slam.data import se3
 from slam.data.cloud import Array, Calibration, PointCloud
+from slam.data.ground_truth import UNSETTLED, GroundTruth, settled_truth
 from slam.data.point_times import PointTimes
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
@@ -65,6 +67,7 @@ class Source:
         calibration: The camera beside the LiDAR, None without one.
         positions: Which frames of the data set are run, None in a live run.
         ground_truth: (N, 4, 4) T_world_lidar of these frames, NaN where unknown, or None.
+        truth_readings: Of `GroundTruth`, of these frames.
         point_times: The verdict on the times of the drive's points, None where nobody gave one.
         stamps_from: Where the scans' stamps are from, None where nobody said.
     """
@@ -75,6 +78,7 @@ class Source:
     calibration: Calibration | None = None
     positions: range | None = None
     ground_truth: Array | None = None
+    truth_readings: Mapping[str, Array] = field(default_factory=dict)
     point_times: PointTimes | None = None
     stamps_from: str | None = None
 
@@ -129,6 +133,15 @@ class Run:
     def ground_truth(self) -> Array | None:
         """(N, 4, 4) of the same frames, NaN where unknown, or None."""
         return self.source.ground_truth
+
+    def settle_truth(self) -> None:
+        """Hold the truth against the odometry, once that is there: see `settled_truth`."""
+        said = tuple(problem for problem in self.problems if problem.kind in UNSETTLED)
+        source = self.source
+        truth = settled_truth(GroundTruth(source.ground_truth, source.truth_readings, said), self.odometry_poses)
+        self.source = replace(source, ground_truth=truth.poses, truth_readings={})
+        self.problems = [problem for problem in self.problems if problem.kind not in UNSETTLED]
+        self.problems.extend(truth.problems)
 
     @property
     def deskewed(self) -> bool:

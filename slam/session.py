@@ -18,6 +18,7 @@ import numpy as np
 
 from slam import degeneracy
 from slam.data.atomic import write_text
+from slam.data.body_frame import rotations
 from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.machine import peak_memory
@@ -54,6 +55,27 @@ def save_odometry(run: Run, folder: str | Path) -> None:
     _write_poses(run, folder, "odometry", run.odometry_poses)
     _write_ground_truth(run, folder)
     write_text(folder / "timings.csv", _timings_csv(run))
+
+
+def save_stopped(run: Run, folder: str | Path) -> Path | None:
+    """Write what `save_odometry` writes of a run that was stopped, so that its poses so far are not lost.
+
+    Where the folder holds a finished run, that one stays, and this goes beside it, into FOLDER-stopped.
+
+    Returns:
+        The folder; None where there is nothing to write, or it cannot be written.
+    """
+    folder = Path(folder)
+    if (folder / "run.json").exists():
+        folder = folder.with_name(f"{folder.name}-stopped")
+    if not run.records:
+        return None
+    try:
+        run.settle_truth()
+        save_odometry(run, folder)
+    except InputError:  # the disk may be what stopped it
+        return None
+    return folder
 
 
 def save_run(run: Run, folder: str | Path) -> Path:
@@ -94,10 +116,11 @@ def _write_mapping(run: Run, folder: Path) -> None:
 
 
 def _write_ground_truth(run: Run, folder: Path) -> None:
-    path, truth = folder / "ground_truth_tum.txt", run.ground_truth
-    known = np.zeros(0, bool) if truth is None else np.isfinite(truth).all(axis=(1, 2))
-    if truth is not None and known.sum() >= 2:
-        write_text(path, tum_text(run.stamps[known], truth[known]))
+    path, stamps = folder / "ground_truth_tum.txt", run.stamps
+    truth = np.zeros((0, 4, 4)) if run.ground_truth is None else run.ground_truth[: len(stamps)]
+    known = rotations(truth)
+    if known.sum() >= 2:
+        write_text(path, tum_text(stamps[: len(truth)][known], truth[known]))
     else:
         path.unlink(missing_ok=True)  # an earlier run's, of another drive
 

@@ -13,7 +13,7 @@ from eval.depth.metrics import errors
 from slam.data.cloud import Array
 from slam.data.depth_map import read_depth_map
 from slam.data.errors import InputError
-from slam.data.files import image_reader
+from slam.data.images import ImageFile
 
 SPARSE, TRUTH, IMAGE = FOLDERS = ("velodyne_raw", "groundtruth_depth", "image")
 
@@ -47,7 +47,7 @@ class DepthMapTriple:
         Raises:
             InputError: A file is missing or damaged, or their sizes differ.
         """
-        sparse, truth, image = read_depth_map(self.sparse), read_depth_map(self.truth), image_reader(self.image)()
+        sparse, truth, image = read_depth_map(self.sparse), read_depth_map(self.truth), ImageFile(self.image)()
         if image is None:
             raise InputError(f"{self.image}: not an image that can be read; the triple needs it")
         if not sparse.shape == truth.shape == image.shape[:2]:

@@ -21,6 +21,7 @@ from lidarlift.cli.enrich import enrich
 from lidarlift.cli.evaluate import evaluate
 from lidarlift.cli.export import export
 from lidarlift.cli.fit_lasers import fit_lasers
+from lidarlift.cli.info import info
 from lidarlift.cli.run import run
 from lidarlift.cli.simulate import simulate
 from lidarlift.cli.study import study
@@ -41,7 +42,7 @@ app = typer.Typer(
     No data at hand: `lidarlift demo`
     """,
 )
-for command in (run, compare, enrich, evaluate, export, config, fit_lasers, simulate, demo, depth_benchmark):
+for command in (run, info, compare, enrich, evaluate, export, config, fit_lasers, simulate, demo, depth_benchmark):
     app.command()(command)
 app.add_typer(train, name="train")
 app.add_typer(study, name="study")

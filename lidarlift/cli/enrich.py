@@ -17,8 +17,10 @@ from lidarlift.cli.arguments import (
     SequenceOption,
     frame_slice,
 )
-from lidarlift.cli.console import progress
+from lidarlift.cli.console import Console, progress
 from lidarlift.enriching import enrich as enriched
+from lidarlift.folders import require_apart
+from lidarlift.reporting import note_problems
 from slam.data.atomic import require_writable
 
 if TYPE_CHECKING:
@@ -36,7 +38,8 @@ def enrich(
     out: Annotated[Path, typer.Option(help="The folder for the clouds, one a scan, named as the scans are numbered.")],
     sequence: SequenceOption = None,
     format: Annotated[
-        Format, typer.Option(help="bin: x y z intensity, as KITTI; pcd and ply: ring, sigma and measured as well.")
+        Format,
+        typer.Option(help="bin: x y z intensity, as KITTI; pcd and ply: also ring, time, sigma and measured."),
     ] = Format.PCD,
     enricher: EnricherOption = None,
     config: ConfigOption = None,
@@ -52,21 +55,27 @@ def enrich(
     as recorded: neither deskewed nor vertically corrected.
     """
     from slam.data.dataset import open_dataset
+    from slam.data.images import found_in_reading
 
-    require_writable(out)
     data, chosen = open_dataset(dataset, sequence, sensor), frame_slice(frames)
+    require_apart(out, data)
+    require_writable(out)
     dense = enriched(data, enricher=enricher, config=config, overrides=set_ or (), frames=chosen)
     measured = total = done = empty = 0
+    problems = [*data.problems]
     with progress(f"{data.name}, enriched", len(range(len(data))[chosen])) as advance:
         for frame, cloud in dense:
-            if len(cloud):
+            problems.extend((*frame.problems, *found_in_reading(frame)))
+            if len(cloud) and cloud.ring is not None:
                 _write(out / f"{frame.index:06d}.{format.value}", cloud)
-            done, empty = done + (len(cloud) > 0), empty + (len(cloud) == 0)
-            measured, total = measured + int(cloud.measured.sum()), total + len(cloud)
+                done, measured, total = done + 1, measured + int(cloud.measured.sum()), total + len(cloud)
+            else:
+                empty += 1
             advance()
+    note_problems(problems, Console(), "")
     print(f"{done} scans: {measured // max(done, 1):,} measured points a scan became {total // max(done, 1):,}")
     if empty:
-        print(f"{empty} scans were empty or damaged and have no file")
+        print(f"{empty} scans were empty, damaged or off the laser lines, and have no file")
     print(f"Written to {out}")
 
 
@@ -81,6 +90,7 @@ def _write(path: Path, cloud: PointCloud) -> None:
             np.column_stack([cloud.xyz, cloud.intensity]).astype("<f4").tofile(temporary)
     else:
         assert cloud.ring is not None
-        write_points(
-            path, cloud, {"ring": cloud.ring.astype("uint16"), "sigma": cloud.sigma, "measured": cloud.measured}
-        )
+        time = {} if cloud.time is None else {"time": cloud.time}
+        ring = cloud.ring.astype("uint16" if path.suffix == ".pcd" else "int32")  # Open3D drops 16 bits of a PLY
+        fields = {"ring": ring, "sigma": cloud.sigma, "measured": cloud.measured}
+        write_points(path, cloud, fields | time)

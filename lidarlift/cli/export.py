@@ -80,7 +80,7 @@ def _export_trajectory(folder: Path, out: Path, kind: Format, T: Array) -> None:
     from slam.data.pose_files import kitti_text, read_poses, tum_text
     from slam.data.se3 import inverse
 
-    stamps, poses = read_poses(folder / "trajectory_tum.txt")
+    stamps, poses = read_poses(folder / "trajectory_tum.txt", "xyzw")
     poses = T @ poses @ inverse(T)
     write_text(out, kitti_text(poses) if kind is Format.KITTI else tum_text(np.asarray(stamps), poses))
 

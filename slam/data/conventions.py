@@ -1,4 +1,4 @@
-"""What the stamps, point times and intensities of a drive mean, where its owner says so."""
+"""What the stamps, point times, intensities and poses of a drive mean, where its owner says so."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from slam.data.yaml_files import read_mapping, suggest
 INSTANTS = {"start": 0.0, "middle": 0.5, "end": 1.0}
 #: Units of time, in seconds.
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-#: Keys of a sensor.yaml that say how to read its scans, not which LiDAR it was.
-KEYS = ("stamp", "time_field", "full_intensity")
+#: Keys of a sensor.yaml that say how to read what lies beside it, not which LiDAR it was.
+KEYS = ("stamp", "time_field", "full_intensity", "quaternion")
+ORDERS = ("xyzw", "wxyz")
 
 
 @dataclass(frozen=True)
@@ -26,12 +27,14 @@ class Conventions:
         time_field: The field with the points' times, and
         time_unit: its unit, one of `UNITS`.
         full_intensity: The value in the files that stands for an intensity of 1.
+        quaternion: The order of the quaternions in poses.txt, one of `ORDERS`.
     """
 
     stamp: str | None = None
     time_field: str | None = None
     time_unit: str | None = None
     full_intensity: float | None = None
+    quaternion: str | None = None
 
     def said(self, stamp: str | None = None, point_time: str | None = None, where: str | None = None) -> Conventions:
         """The same with what somebody says: `point_time` is FIELD or FIELD:UNIT. `where` names the place for messages,
@@ -63,6 +66,10 @@ def read_conventions(files: list[Path], keys: tuple[str, ...]) -> Conventions:
         result = result.said(None, content.get("time_field"), f"{path}: time_field")
         if "full_intensity" in content:
             result = replace(result, full_intensity=_positive(path, content["full_intensity"]))
+        if "quaternion" in content:
+            if content["quaternion"] not in ORDERS:
+                raise InputError(f"{path}: quaternion: '{content['quaternion']}'; xyzw or wxyz is expected")
+            result = replace(result, quaternion=content["quaternion"])
     return result
 
 

@@ -27,7 +27,9 @@ class Dataset(Protocol):
     problems      what is wrong with the data set as a whole; `Frame.problems` is for single scans
 
     Those of this package also have `point_times`, the verdict on the points' times (`PointTimes`), `stamps_from`, the
-    place that stamps are from, and where it is not simply the usual step between stamps `scan_period` [s].
+    place that stamps are from, and where it is not simply the usual step between stamps `scan_period` [s];
+    `points(position)`, a scan as its file has it; `images`, the file of each scan's image, or None; `folders` that the
+    drive is read from; and a folder `truth_readings` (see `GroundTruth`).
     """
 
     @property
@@ -112,6 +114,20 @@ def open_dataset(
         InputError: Nothing fits, the message says what was looked for; or the data set does not take an option.
     """
     said = {"stamp": stamp, "point_time": point_time}
+    path, loader, found = _drives(path)
+    return loader(_pick(path, found, sequence), sensor, **_taken(loader, path, said))
+
+
+def drives_in(path: str | Path) -> list[str]:
+    """The names of the drives at or under a path, by which `sequence` picks one; [''] for one that needs no picking.
+
+    Raises InputError where there are none.
+    """
+    return list(_drives(path)[2])
+
+
+def _drives(path: str | Path) -> tuple[Path, Loader, dict[str, Path]]:
+    """The path made absolute, the kind of data set that is there, and its drives by their names."""
     path = Path(path).expanduser()
     if not path.exists():
         raise InputError(f"{path}: no such folder; name the folder of a drive")
@@ -119,9 +135,8 @@ def open_dataset(
     layouts = []
     for name in sorted(DATASETS.names(), key=FOLDER.__eq__):  # the folder last: it takes any scans
         loader = cast(Loader, DATASETS.load(name))
-        found = loader.drives(path)
-        if found:
-            return loader(_pick(path, found, sequence), sensor, **_taken(loader, path, said))
+        if found := loader.drives(path):
+            return path, loader, found
         layouts.append(loader.LAYOUT)
     if path.is_file():
         raise InputError(f"{path}: is a file, not a folder with scans; name the folder of a drive")

@@ -1,10 +1,9 @@
-"""What the loaders share: numbered files, scans in KITTI's format, images read when asked for."""
+"""What the loaders share: numbered files, scans in KITTI's format."""
 
 from __future__ import annotations
 
-import logging
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,7 @@ from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.problem import Problem, spans
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 SCAN_PERIOD = 0.1
-
-log = logging.getLogger(__name__)
 
 
 def files_by_number(folder: Path, suffixes: Iterable[str]) -> dict[int, Path]:
@@ -41,30 +37,6 @@ def gaps(numbers: Array, folder: Path, step: int = 1) -> tuple[Problem, ...]:
     missing = sum(round((last - first) / step) + 1 for first, last in holes)
     text = f"{folder}: numbers missing: {spans(holes)} ({missing} in all); the rest is used"
     return (Problem("gap in numbering", text),)
-
-
-def image_reader(path: Path | None) -> Callable[[], Array | None]:
-    """A function that reads the image (H, W, 3) uint8 RGB; it gives None without a path or for a damaged file."""
-
-    def read() -> Array | None:
-        if path is None:
-            return None
-        import cv2  # takes a while to import, and a LiDAR alone does not need it
-
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-        if image is None:
-            log.warning("%s: not an image that can be read; this frame has none", path)
-            return None
-        return np.ascontiguousarray(image[:, :, ::-1])
-
-    return read
-
-
-def missing_image(path: Path | None, number: int, folder: Path) -> tuple[Problem, ...]:
-    """A Problem where a data set with images has none, or an empty file, for this scan."""
-    if path is not None and path.exists() and path.stat().st_size > 0:
-        return ()
-    return (Problem("missing image", f"{folder}: no image for scan {number}; its points stay without colour"),)
 
 
 def rows_by_number(rows: Array, numbers: Array, path: Path) -> Array:

@@ -6,26 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.data import se3
 from slam.data.calibration_file import read_calibration
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
-from slam.data.files import (
-    IMAGE_SUFFIXES,
-    SCAN_PERIOD,
-    gaps,
-    image_reader,
-    missing_image,
-    natural_key,
-    read_numbers,
-    rows_by_number,
-)
+from slam.data.files import SCAN_PERIOD, gaps
 from slam.data.first_scans import reading_of
+from slam.data.ground_truth import read_ground_truth
+from slam.data.images import image_folder, image_problems, match_images, no_image
 from slam.data.point_files import SUFFIXES, Points, read_points
-from slam.data.pose_files import read_poses
 from slam.data.problem import Problem
 from slam.data.scan_columns import SAMPLES, Columns, find_columns
-from slam.data.scan_names import ScanNames, named_scans, numbers_of
+from slam.data.scan_names import ScanNames, named_scans
 from slam.data.sensor import Sensor, conventions_of_folder, sensor_of_folder
 from slam.data.stamps import mended, usual_step
 from slam.data.time_files import TIME_FILES, read_stamps
@@ -89,35 +80,52 @@ class UserFolder:
             recorded, slow = self._assumed_stamps(step)
         self.stamps = recorded
         self.calibration, uncalibrated = self._read_calibration()
-        self._image_folder, self._images = self._match_images(known_times=not slow)
-        self.ground_truth, untrue = self._read_ground_truth(known_times=not slow)
+        self._image_folder, self._images, unmatched = match_images(path, self._files, self.stamps, known_times=not slow)
+        truth = read_ground_truth(path, self.stamps, self.numbers, known_times=not slow)
+        self.ground_truth, self.truth_readings = truth.poses, truth.readings
+        beside = (*uncalibrated, *unmatched, *truth.problems)
         missing = gaps(self.numbers, self._files[0].parent, step)
-        self.problems = (*told, *missing, *unusual, *slow, *self._columns.problems, *uncalibrated, *untrue)
+        self.problems = (*told, *missing, *unusual, *slow, *self._columns.problems, *beside)
 
     def __len__(self) -> int:
         return len(self._files)
 
+    @property
+    def images(self) -> tuple[Path | None, ...]:
+        """Of each scan its image's file, or None."""
+        return tuple(None if image is None else image.path for image in self._images)
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """What the drive is read from: nothing may be written there."""
+        images = () if self._image_folder is None else (self._image_folder,)
+        return (self.path, self._files[0].parent, *images)
+
     def __getitem__(self, position: int) -> Frame:
         number = int(self.numbers[position])
-        points = read_points(self._files[position], self.reading)
+        points = self.points(position)
         cloud, odd = self._columns.cloud(points, float(self.stamps[position]), self._files[position])
         problems = points.problems + odd
         if self._image_folder is not None:
-            problems += missing_image(self._images[position], number, self._image_folder)
+            problems += image_problems(self._images[position], number, self._image_folder)
         return Frame(
             index=number,
             stamp=float(self.stamps[position]),
             cloud=cloud,
             calibration=self.calibration,
-            read_image=image_reader(self._images[position]),
+            read_image=self._images[position] or no_image,
             problems=problems,
         )
+
+    def points(self, position: int) -> Points:
+        """A scan as its file has it."""
+        return read_points(self._files[position], self.reading)
 
     def _first_scans(self, stamps: Array | None) -> list[tuple[Points, float | None]]:
         """Those with points, and their stamps where they were recorded."""
         found: list[tuple[Points, float | None]] = []
         for position in range(min(len(self), LOOKED_AT)):
-            points = read_points(self._files[position], self.reading)
+            points = self.points(position)
             if len(points.xyz):
                 found.append((points, None if stamps is None else float(stamps[position])))
             if len(found) == SAMPLES:
@@ -152,59 +160,10 @@ class UserFolder:
     def _read_calibration(self) -> tuple[Calibration | None, tuple[Problem, ...]]:
         if (self.path / "calib.yaml").is_file():
             return read_calibration(self.path / "calib.yaml"), ()
-        if any((self.path / name).is_dir() for name in IMAGE_FOLDERS):
+        if image_folder(self.path):
             text = f"{self.path}: images, but no calib.yaml (K, T_camera_lidar); the camera is not used"
             return None, (Problem("no calibration", text),)
         return None, ()
-
-    def _match_images(self, known_times: bool) -> tuple[Path | None, list[Path | None]]:
-        """The image folder, and for each scan its image: the nearest within half a scan's period, or its namesake."""
-        folder = next((self.path / name for name in IMAGE_FOLDERS if (self.path / name).is_dir()), None)
-        if folder is None:
-            return None, [None] * len(self)
-        files = sorted((path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES), key=natural_key)
-        times = folder / "times.txt"
-        if files and times.is_file() and known_times:
-            stamps = read_times(times, numbers_of(files))
-            nearest = np.abs(stamps[:, None] - self.stamps).argmin(axis=0)
-            period = float(np.median(np.diff(self.stamps))) if len(self) > 1 else SCAN_PERIOD
-            near = np.abs(stamps[nearest] - self.stamps) <= period / 2
-            return folder, [files[at] if close else None for at, close in zip(nearest, near, strict=True)]
-        by_name = {path.stem: path for path in files}
-        return folder, [by_name.get(file.stem) for file in self._files]
-
-    def _read_ground_truth(self, known_times: bool) -> tuple[Array | None, tuple[Problem, ...]]:
-        path = self.path / "poses.txt"
-        if not path.is_file():
-            return None, ()
-        stamps, poses = read_poses(path)
-        truth = np.full((len(self), 4, 4), np.nan)
-        if stamps is not None and known_times:
-            if len(stamps) < 2 or (np.diff(stamps) <= 0).any():
-                raise InputError(f"{path}: the stamps of at least two poses, rising, are needed")
-            inside = (self.stamps >= stamps[0]) & (self.stamps <= stamps[-1])
-            truth[inside] = se3.interpolate(stamps, poses, self.stamps[inside])
-        elif len(poses) > self.numbers[-1] and len(poses) != len(self):
-            truth = poses[self.numbers]
-        else:
-            truth[: len(poses)] = poses[: len(self)]
-        lost = int(np.isnan(truth[:, 0, 0]).sum())
-        text = f"{path}: {len(poses)} poses for {len(self)} scans; {lost} scans are without truth"
-        return se3.from_first(truth), (Problem("poses shorter than scans", text),) if lost else ()
-
-
-IMAGE_FOLDERS = ("images", "image_2")
-
-
-def read_times(path: Path, numbers: Array) -> Array:
-    """Stamps (N,) [s] of the files `numbers` (N,). Raises InputError where they do not rise or are not seconds."""
-    times = rows_by_number(read_numbers(path), numbers, path)
-    steps = np.diff(times)
-    if not (np.isfinite(times).all() and (steps > 0).all()):
-        raise InputError(f"{path}: times must rise from line to line; repair line {int(np.argmin(steps > 0)) + 2}")
-    if len(steps) and np.median(steps) > 100:
-        raise InputError(f"{path}: {np.median(steps):g} s from scan to scan; give seconds, not milli- or nanoseconds")
-    return times
 
 
 def to_cloud(points: Points, sensor: Sensor | None, path: Path) -> PointCloud:

@@ -9,9 +9,10 @@ import numpy as np
 from slam.data.beams import rings_in_file_order, turn_times
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
-from slam.data.files import IMAGE_SUFFIXES, SCAN_PERIOD, files_by_number, image_reader, missing_image
+from slam.data.files import SCAN_PERIOD, files_by_number
 from slam.data.first_scans import reading_of
-from slam.data.point_files import read_points
+from slam.data.images import IMAGE_SUFFIXES, ImageFile, image_problems, no_image
+from slam.data.point_files import Points, read_points
 from slam.data.point_times import PointTimes, azimuth_times
 from slam.data.sensor import Sensor
 from slam.data.stamps import usual_step
@@ -54,22 +55,36 @@ class KittiDrive:
         """`every` (M,) [s]: of all frames that their file has."""
         self.scan_period, self.stamps_from = usual_step(every) or SCAN_PERIOD, unit
 
+    @property
+    def images(self) -> tuple[Path | None, ...]:
+        """Of each scan its image's file, or None."""
+        return tuple(self._images.get(int(number)) for number in self.numbers)
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """What the drive is read from: nothing may be written there."""
+        return (self.path, next(iter(self._scans.values())).parent, self._image_folder)
+
+    def points(self, position: int) -> Points:
+        """A scan as its file has it."""
+        return read_points(self._scans[int(self.numbers[position])], self._reading)
+
     def __getitem__(self, position: int) -> Frame:
         number = int(self.numbers[position])
-        points = read_points(self._scans[number], self._reading)
+        points = self.points(position)
         xyz, problems = points.xyz, points.problems
         intensity = np.zeros(len(xyz)) if points.intensity is None else np.nan_to_num(points.intensity)
         ring, odd = rings_in_file_order(xyz, self.sensor, self._scans[number])
         time = None if self.sensor.motion_compensated else turn_times(xyz, self.scan_period, self._stamp)
-        image = self._images.get(number)
+        image = ImageFile(self._images[number]) if number in self._images else None
         if self._images:
-            problems += missing_image(image, number, self._image_folder)
+            problems += image_problems(image, number, self._image_folder)
         return Frame(
             index=number,
             stamp=float(self.stamps[position]),
             cloud=PointCloud(xyz, intensity, ring, time),
             calibration=self.calibration,
-            read_image=image_reader(image),
+            read_image=image or no_image,
             problems=problems + odd,
         )
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from slam.data import se3
+from slam.data.body_frame import body_frame, into_lidar_frame
 from slam.data.cloud import Array, Calibration
 from slam.data.errors import InputError
 from slam.data.files import (
@@ -16,7 +17,7 @@ from slam.data.files import (
     read_keyed_numbers,
 )
 from slam.data.kitti import KittiDrive, rectified_camera
-from slam.data.pose_files import read_poses
+from slam.data.pose_files import read_trajectory
 from slam.data.problem import Problem
 from slam.data.sensor import conventions_of_folder, kitti_sensor
 from slam.data.stamps import mended, usual_step
@@ -86,15 +87,27 @@ class KittiOdometry(KittiDrive):
         if self.calibration is None:
             text = f"{path}: left out, for without calib.txt's 'Tr:' camera poses say nothing of the LiDAR's"
             return None, (Problem("no ground truth", text),)
-        stamps, poses = read_poses(path)
-        if stamps is not None:
-            raise InputError(f"{path}: 8 columns; KITTI's poses have 12, the rows of a 3x4 matrix")
+        trajectory = read_trajectory(path)
+        if trajectory.stamps is not None or trajectory.numbers is not None:
+            raise InputError(
+                f"{path}: KITTI's poses have 12 columns, the rows of a 3x4 matrix, and no stamps or numbers"
+            )
+        poses = trajectory.poses
+        if body_frame(poses[np.isfinite(poses).all(axis=(1, 2))]) == "lidar":
+            text = f"{path}: left out, for its poses move along x, as a LiDAR's do; KITTI's are camera 0's, along z"
+            return None, (Problem("no ground truth", text),)
         T_camera_lidar = self.calibration.T_camera0_lidar
         assert T_camera_lidar is not None
         truth = np.full((len(self.numbers), 4, 4), np.nan)
-        known = self.numbers < len(poses)
-        truth[known] = se3.inverse(T_camera_lidar) @ poses[self.numbers[known]] @ T_camera_lidar
-        if known.all():
-            return se3.from_first(truth), ()
-        text = f"{path}: {len(poses)} poses, but a scan {self.numbers[-1]}; {np.sum(~known)} scans are without truth"
-        return se3.from_first(truth), (Problem("poses shorter than scans", text),)
+        there = self.numbers < len(poses)
+        truth[there] = into_lidar_frame(poses[self.numbers[there]], T_camera_lidar)
+        problems = []
+        if unknown := int(np.isnan(truth[there, 0, 0]).sum()):
+            text = f"{path}: zeros or NaN in place of the poses of {unknown} scans; they are without truth"
+            problems.append(Problem("unknown pose", text))
+        if not there.all():
+            text = (
+                f"{path}: {len(poses)} poses, but a scan {self.numbers[-1]}; {np.sum(~there)} scans are without truth"
+            )
+            problems.append(Problem("poses shorter than scans", text))
+        return se3.from_first(truth), tuple(problems)

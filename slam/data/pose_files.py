@@ -1,46 +1,201 @@
-"""Trajectories as text: KITTI's (a 3x4 pose a line) and TUM's (`stamp tx ty tz qx qy qz qw`)."""
+"""Trajectories as text: KITTI's (a 3x4 pose a line), TUM's (`stamp tx ty tz qx qy qz qw`), and their relatives."""
 
 from __future__ import annotations
 
-import warnings
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from slam.data.body_frame import rotations
 from slam.data.cloud import Array
+from slam.data.conventions import ORDERS
 from slam.data.errors import InputError
+from slam.data.pose_table import PoseTable, read_pose_table
+from slam.data.quaternion_order import as_rotations, order_by_motion
+from slam.data.stamp_digits import epoch_unit, seconds_of
+
+#: Numbers up to here in the first of 13 or 17 columns count frames; stamps are larger, or have fractions.
+MOST_FRAMES = 1e7
+LONGEST_STEP = 100.0  # s between poses, as usual in a file; larger steps are of another unit
+LENGTH = 0.05  # that a quaternion's length may be off 1
+NAMES_REMEDY = "'# stamp tx ty tz qx qy qz qw' or '... qw qx qy qz'"
+
+log = logging.getLogger(__name__)
 
 
-def read_poses(path: Path) -> tuple[Array | None, Array]:
-    """Stamps (N,) [s], or None for KITTI's format, and poses (N, 4, 4).
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Poses as a file has them.
 
-    Raises InputError where the file is missing, empty, not made of numbers or of neither format.
+    Attributes:
+        poses: (N, 4, 4) T_world_body, NaN where the file has no pose (zeros or NaN).
+        lines: (N,) the line of the file that each stands in.
+        stamps: (N,) seconds, None where the file has none.
+        numbers: (N,) int64, the frames that the poses are of, None where the file does not count them.
+        readings: The poses with their quaternions in either order, 'xyzw' and 'wxyz', where nobody has said which it is
+            but perhaps a header.
+        order: In which `poses` are read; None where it cannot be told and is taken for TUM's, and of matrices.
+        told_by: Who tells the order: 'the user', 'a header', 'the motion', or nobody, ''.
     """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # numpy warns of an empty file; the message below says more
-            table = np.loadtxt(path, ndmin=2)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except ValueError as error:
-        raise InputError(f"{path}: not a table of numbers ({error}); a KITTI or TUM trajectory is expected") from error
-    if table.size == 0:
-        raise InputError(f"{path}: no poses in it; a KITTI or TUM trajectory is expected")
-    if table.shape[1] not in (8, 12):
-        raise InputError(f"{path}: {table.shape[1]} columns; KITTI's trajectories have 12, TUM's 8")
-    if not np.isfinite(table).all():
-        line = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0]) + 1
-        raise InputError(f"{path}: line {line} holds a value that is not finite; remove or repair it")
-    poses = np.tile(np.eye(4), (len(table), 1, 1))
-    if table.shape[1] == 12:
-        poses[:, :3, :4] = table.reshape(-1, 3, 4)
-        return None, poses
-    if (np.linalg.norm(table[:, 4:], axis=1) < 1e-6).any():
-        raise InputError(f"{path}: a quaternion of length zero; columns are stamp tx ty tz qx qy qz qw")
-    poses[:, :3, :3] = Rotation.from_quat(table[:, 4:]).as_matrix()
-    poses[:, :3, 3] = table[:, 1:4]
-    return table[:, 0], poses
+
+    poses: Array
+    lines: Array
+    stamps: Array | None = None
+    numbers: Array | None = None
+    readings: Mapping[str, Array] = field(default_factory=dict)
+    order: str | None = None
+    told_by: str = ""
+
+
+def read_poses(path: Path, quaternion: str | None = None) -> tuple[Array | None, Array]:
+    """Stamps (N,) [s], or None for KITTI's format, and poses (N, 4, 4) of a file that has no unknown ones.
+
+    The log says so where quaternions have w first by the motion alone. See `read_whole_trajectory`.
+    """
+    trajectory = read_whole_trajectory(path, quaternion)
+    if (note := w_first_note(path, trajectory)) is not None:
+        log.warning(note)
+    return trajectory.stamps, trajectory.poses
+
+
+def w_first_note(path: Path, trajectory: Trajectory) -> str | None:
+    """That quaternions are not as TUM has them, where only the motion tells; None else."""
+    if trajectory.order == "wxyz" and trajectory.told_by == "the motion":
+        return f"{path}: by the motion its quaternions have w first; a header line says so for good: {NAMES_REMEDY}"
+    return None
+
+
+def read_whole_trajectory(path: Path, quaternion: str | None = None) -> Trajectory:
+    """The trajectory of a file in which every pose is known.
+
+    Raises:
+        InputError: As `read_trajectory`, or a pose is unknown, or the rows are numbered.
+    """
+    trajectory = read_trajectory(path, quaternion)
+    unknown = ~np.isfinite(trajectory.poses).all(axis=(1, 2))
+    if unknown.any():
+        line = trajectory.lines[int(np.argmax(unknown))]
+        fault = "a value that is not finite, zeros, or a quaternion of length zero"
+        raise InputError(f"{path}: line {line} holds no pose but {fault}; remove or repair it")
+    if trajectory.numbers is not None:
+        raise InputError(f"{path}: its first column numbers the frames; remove it, or give the frames' stamps instead")
+    return trajectory
+
+
+def read_trajectory(path: Path, quaternion: str | None = None) -> Trajectory:
+    """The poses of a file of KITTI's format (12 columns, or 16), of TUM's (8), or of EuRoC's and others that name their
+    columns in a header or put a stamp or a frame's number before KITTI's.
+
+    Args:
+        path: The file.
+        quaternion: 'xyzw' or 'wxyz', if the user says so; by default as a header names the columns, else as the motion
+            tells.
+
+    Raises:
+        InputError: The file is missing, not made of numbers or of another format; or, with the line, a rotation is
+            none or is mirrored.
+    """
+    table = read_pose_table(path)
+    columns = _named_columns(table.names)
+    if columns is not None:
+        places, turns = columns[:3], sorted(columns[3:])
+        named = {columns[3:]: "wxyz", (*columns[4:], columns[3]): "xyzw"}.get(tuple(turns))
+        return _from_quaternions(path, table, table.values[:, [*places, *turns]], quaternion, named)
+    count = table.values.shape[1]
+    if count in (12, 16):
+        return Trajectory(_from_matrices(path, table, table.values), table.lines)
+    if count == 13 or (count == 17 and (table.values[:, 13:] == [0, 0, 0, 1]).all()):
+        poses, first = _from_matrices(path, table, table.values[:, 1:]), table.values[:, 0]
+        if (first == np.round(first)).all() and first.min() >= 0 and first.max() < MOST_FRAMES:
+            return Trajectory(poses, table.lines, numbers=first.astype(np.int64))
+        return Trajectory(poses, table.lines, _seconds(table))
+    if count in (8, 17):  # EuRoC's has velocity and biases behind the pose
+        return _from_quaternions(path, table, table.values[:, 1:8], quaternion)
+    raise InputError(
+        f"{path}: {count} columns; KITTI's trajectories have 12, TUM's 8; others need a header like {NAMES_REMEDY}"
+    )
+
+
+def _named_columns(names: tuple[str, ...]) -> tuple[int, ...] | None:
+    """Where x y z and w x y z of the quaternion stand, by a header; None where it does not say."""
+    turns = {name[-1]: at for at, name in enumerate(names) if name and name[-1] in "wxyz" and _of_rotation(name)}
+    places = {
+        name[-1]: at
+        for at, name in reversed([*enumerate(names)])
+        if name and name[-1] in "xyz" and not _of_rotation(name) and (name in "xyz" or name[0] in "pt" or "pos" in name)
+    }
+    if set(turns) != set("wxyz") or set(places) != set("xyz"):
+        return None
+    return (*(places[axis] for axis in "xyz"), *(turns[axis] for axis in "wxyz"))
+
+
+def _of_rotation(name: str) -> bool:
+    return name.startswith("q") or any(word in name for word in ("quat", "orient", "rot"))
+
+
+def _from_matrices(path: Path, table: PoseTable, rows: Array) -> Array:
+    """Poses (N, 4, 4) of rows (N, 12 or 16), checked."""
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3] = rows[:, :12].reshape(-1, 3, 4)
+    unknown = ~np.isfinite(rows).all(axis=1) | (np.abs(poses[:, :3, :3]).max(axis=(1, 2)) < 1e-6)
+    poses[unknown] = np.nan
+    wrong = ~unknown
+    wrong[~unknown] = ~rotations(poses[~unknown])
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        mirrored = np.linalg.det(poses[first, :3, :3]) < 0
+        fault = "mirrored (its determinant is negative)" if mirrored else "not orthonormal"
+        raise InputError(
+            f"{path}: line {table.lines[first]}: its 3x3 part is {fault}, and such are not rotations; "
+            "is it a KITTI trajectory (r11 r12 r13 tx ...)?"
+        )
+    return poses
+
+
+def _from_quaternions(
+    path: Path, table: PoseTable, values: Array, said: str | None, named: str | None = None
+) -> Trajectory:
+    """A trajectory of values (N, 7): x y z and a quaternion, in the order that the user says, else that a header names,
+    else that the motion tells."""
+    quaternions, length = values[:, 3:], np.linalg.norm(values[:, 3:], axis=1)
+    known = np.isfinite(values).all(axis=1) & np.isfinite(table.values[:, 0]) & (length > 1e-6)
+    wrong = known & (np.abs(length - 1) > LENGTH)
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        fault = f"line {table.lines[first]}: a quaternion of length {length[first]:.3g}, not 1"
+        raise InputError(f"{path}: {fault}; columns are stamp tx ty tz qx qy qz qw")
+    readings = {}
+    for order in ORDERS:
+        poses = np.full((len(values), 4, 4), np.nan)
+        poses[known] = np.eye(4)
+        poses[known, :3, :3] = as_rotations(quaternions[known], order)
+        poses[known, :3, 3] = values[known, :3]
+        readings[order] = poses
+    stamps = _seconds(table)
+    if said or named:
+        who = "the user" if said else "a header"
+        return Trajectory(
+            readings[said or named or ""], table.lines, stamps, None, {} if said else readings, said or named, who
+        )
+    in_time = np.argsort(np.where(known, stamps, np.inf), kind="stable")[: known.sum()]
+    told = order_by_motion({way: poses[in_time] for way, poses in readings.items()}) if known.any() else None
+    return Trajectory(readings[told or "xyzw"], table.lines, stamps, None, readings, told, "the motion" if told else "")
+
+
+def _seconds(table: PoseTable) -> Array:
+    """The first column (N,) in seconds."""
+    stamps = table.values[:, 0]
+    if table.stamp_unit is not None:
+        return np.asarray(stamps * table.stamp_unit)
+    known = stamps[np.isfinite(stamps)]
+    steps = np.abs(np.diff(known))
+    if epoch_unit(known) or (len(steps) and np.median(steps) > LONGEST_STEP):
+        return seconds_of(stamps.tolist())[0]
+    return stamps
 
 
 def kitti_text(poses: Array) -> str:
@@ -49,9 +204,14 @@ def kitti_text(poses: Array) -> str:
 
 
 def tum_text(stamps: Array, poses: Array) -> str:
-    """Stamps (N,) and poses (N, 4, 4) as TUM writes them; w of the quaternion is not negative."""
-    quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
-    rows = np.column_stack([poses[:, :3, 3], quaternions])
+    """Stamps (N,) and poses (N, 4, 4) as TUM writes them; w of the quaternion is not negative.
+
+    What is no pose, as where nothing is known, becomes a row of NaN behind its stamp.
+    """
+    rows = np.full((len(poses), 7), np.nan)
+    sound = rotations(poses)
+    rows[sound, :3] = poses[sound, :3, 3]
+    rows[sound, 3:] = Rotation.from_matrix(poses[sound, :3, :3]).as_quat(canonical=True)
     return "".join(
         f"{stamp:.9f} " + " ".join(f"{value:.10g}" for value in row) + "\n"
         for stamp, row in zip(stamps, rows, strict=True)

@@ -1,9 +1,9 @@
-"""Which body a trajectory belongs to, and the calibration that leads from camera 0 to the LiDAR."""
+"""The calibration that leads from camera 0 to the LiDAR, and trajectories that are not of one body."""
 
 import numpy as np
 import pytest
 
-from eval.body_frame import body_frame, into_lidar_frame, read_camera0_calibration, require_same_frame
+from eval.body_frame import read_camera0_calibration, require_same_frame
 from slam.data import se3
 from slam.data.errors import InputError
 
@@ -15,41 +15,6 @@ def drive(axis=0, count=30):
     """A bend of 0.5 m a pose, forward along the body's axis 0 (LiDAR) or 2 (camera)."""
     xi = np.array([0, 0, 0.02, 0.5, 0, 0]) if axis == 0 else np.array([0, -0.02, 0, 0, 0, 0.5])
     return np.array([se3.exp(k * xi) for k in range(count)])
-
-
-def test_forward_along_x_is_lidar_along_z_camera():
-    assert body_frame(drive(0)) == "lidar"
-    assert body_frame(drive(2)) == "camera"
-
-
-def test_where_the_world_points_does_not_matter():
-    assert body_frame(se3.exp(np.array([1.0, 2, 0.5, 9, 9, 9])) @ drive(2)) == "camera"
-
-
-@pytest.mark.parametrize(
-    "poses",
-    [
-        np.tile(np.eye(4), (50, 1, 1)),
-        drive(0, 1),
-        np.array([se3.exp(np.array([0, 0, 0, 0.3, 0, 0.3]) * k) for k in range(30)]),
-    ],
-    ids=["standing", "one pose", "diagonal"],
-)
-def test_too_little_to_tell(poses):
-    assert body_frame(poses) == "unknown"
-
-
-def test_a_noisy_standing_sensor_is_unknown():
-    poses = np.tile(np.eye(4), (100, 1, 1))
-    poses[:, 2, 3] = 0.05 * np.random.default_rng(0).normal(size=100)
-    assert body_frame(poses) == "unknown"
-
-
-def test_a_camera_drive_becomes_the_lidars():
-    lidar = drive(0)
-    camera = T_CAMERA0_LIDAR @ lidar @ se3.inverse(T_CAMERA0_LIDAR)
-    assert body_frame(camera) == "camera"
-    np.testing.assert_allclose(into_lidar_frame(camera, T_CAMERA0_LIDAR), lidar, atol=1e-12)
 
 
 def test_odometry_and_raw_calibration_files(tmp_path):

@@ -126,3 +126,11 @@ def test_poses_are_continued_by_one_step_at_either_end() -> None:
     assert found[1] == pytest.approx(np.eye(4))
     assert found[2] == pytest.approx(step @ step @ step)
     assert np.isnan(found[3]).all()
+
+
+def test_a_packet_without_a_fix_is_no_pose(drive: Path) -> None:
+    """Its zeros lie on the equator, five thousand kilometres away; the packets on either side are near enough."""
+    (drive / "oxts" / "data" / "0000000003.txt").write_text("0 0 0 0 0 0 " + "0 " * 24)
+    truth = open_dataset(drive).ground_truth
+    assert truth is not None
+    assert truth[:, 0, 3] == pytest.approx(np.arange(6.0), abs=1e-3)

@@ -1,0 +1,163 @@
+"""The camera's images: which belongs to which scan, and how they are read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from slam.data.cloud import Array, Frame
+from slam.data.files import SCAN_PERIOD
+from slam.data.problem import Problem
+from slam.data.scan_names import in_order
+from slam.data.stamps import usual_step
+from slam.data.time_files import TIME_FILES, read_stamps
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
+IMAGE_FOLDERS = ("images", "image_2")
+#: How whole files begin, and what stands within TAIL bytes of their end: PNG's last chunk, JPEG's end of image.
+MARKS = ((b"\x89PNG\r\n\x1a\n", b"IEND"), (b"\xff\xd8\xff", b"\xff\xd9"))
+TAIL = 4096
+DEPTHS = (10, 12, 14, 16)  # bits that cameras put into 16
+
+
+class ImageFile:
+    """Reads an image, (H, W, 3) uint8 RGB as its pixels are stored, whatever orientation a tag in it asks for.
+
+    It gives None for a damaged file; `problem` says so once that is known.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.problem: Problem | None = None
+
+    def __call__(self) -> Array | None:
+        """The image."""
+        import cv2  # takes a while to import, and a LiDAR alone does not need it
+
+        image = None
+        if (fault := self._fault()) is None:
+            image = cv2.imread(str(self.path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
+            fault = "its contents cannot be decoded" if image is None else None
+        if image is None:
+            self.problem = self.problem or _damaged(self.path, str(fault))
+            return None
+        return np.ascontiguousarray(_eight_bits(image)[:, :, ::-1])
+
+    def check(self) -> Problem | None:
+        """What is wrong with the file by its beginning and end; the pixels are not looked at."""
+        if self.problem is None and (fault := self._fault()):
+            self.problem = _damaged(self.path, fault)
+        return self.problem
+
+    def _fault(self) -> str | None:
+        try:
+            with self.path.open("rb") as file:
+                head = file.read(16)
+                file.seek(0, 2)
+                file.seek(max(file.tell() - TAIL, 0))
+                tail = file.read()
+        except OSError as error:
+            return f"cannot be read ({error.strerror or error})"
+        for begin, end in MARKS:
+            if head.startswith(begin):
+                return None if end in tail else "cut short"
+        return "neither PNG nor JPEG" if head else "nothing in it"
+
+
+def no_image() -> Array | None:
+    """Of a scan that has none."""
+    return None
+
+
+def image_problems(image: ImageFile | None, number: int, folder: Path) -> tuple[Problem, ...]:
+    """A Problem where a data set with images has none, an empty or a damaged file for this scan."""
+    if image is None or (image.path.is_file() and image.path.stat().st_size == 0):
+        return (Problem("missing image", f"{folder}: no image for scan {number}; its points stay without colour"),)
+    problem = image.check()
+    return () if problem is None else (problem,)
+
+
+def found_in_reading(frame: Frame) -> tuple[Problem, ...]:
+    """What was wrong with a frame's image when it was read, beyond what the frame's own problems say."""
+    problem = frame.read_image.problem if isinstance(frame.read_image, ImageFile) else None
+    return () if problem is None or problem in frame.problems else (problem,)
+
+
+def image_folder(path: Path) -> Path | None:
+    """The folder with the images of a drive, None where there is none."""
+    return next((path / name for name in IMAGE_FOLDERS if (path / name).is_dir()), None)
+
+
+def match_images(
+    path: Path, scans: Sequence[Path], stamps: Array, known_times: bool
+) -> tuple[Path | None, list[ImageFile | None], tuple[Problem, ...]]:
+    """For each scan its image: the nearest in time, within half a scan's period, where the images have a times.txt or
+    are named by their stamps; else its namesake, or the one of its number.
+
+    Args:
+        path: The drive's folder.
+        scans: The N files.
+        stamps: (N,) [s].
+        known_times: Whether the stamps were recorded, not assumed.
+
+    Returns:
+        The folder of the images, None where there are none to use; the image of each scan, or None; and what is wrong
+        with the images as a whole.
+    """
+    folder = image_folder(path)
+    if folder is None:
+        return None, [None] * len(scans), ()
+    files = (file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES and file.name[0] != ".")
+    names = in_order(list(files))
+    images, taken = names.files, names.stamps
+    problems: tuple[Problem, ...] = ()
+    times = next((folder / name for name in TIME_FILES if (folder / name).is_file()), None)
+    if images and times is not None and (read := read_stamps(times, images, names.numbers)):
+        taken, problems = read.seconds, read.problems
+    found = _by_name(images, scans) if taken is None or not known_times else _nearest(images, taken, stamps)
+    if any(found):
+        return folder, [None if image is None else ImageFile(image) for image in found], problems
+    fault = f"none of {len(images)} images has a scan's name, number or time" if images else "no images in it"
+    text = f"{folder}: {fault}; the camera is not used. Name them like the scans, or give {folder.name}/times.txt"
+    return None, [None] * len(scans), (Problem("unmatched images", text),)
+
+
+def _nearest(images: Sequence[Path], taken: Array, stamps: Array) -> list[Path | None]:
+    """Of images at rising times (M,) the nearest to each stamp (N,), None beyond half a scan's period."""
+    after = np.searchsorted(taken, stamps).clip(max=len(taken) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(taken[before] - stamps) <= np.abs(taken[after] - stamps), before, after)
+    near = np.abs(taken[nearest] - stamps) <= (usual_step(stamps) or SCAN_PERIOD) / 2
+    return [images[at] if close else None for at, close in zip(nearest, near, strict=True)]
+
+
+def _by_name(images: Sequence[Path], scans: Sequence[Path]) -> list[Path | None]:
+    """The image of each scan's name; where no name agrees, the one with the same single number in it."""
+    names = {image.stem: image for image in images}
+    found = [names.get(scan.stem) for scan in scans]
+    if any(found):
+        return found
+    numbered = {_number(image): image for image in images if _number(image) is not None}
+    return [numbered.get(_number(scan)) for scan in scans]
+
+
+def _number(file: Path) -> int | None:
+    """The number in a name, None where there is none, more than one, or a stamp."""
+    digits = re.fullmatch(r"[^0-9]*([0-9]{1,9})[^0-9]*", file.stem)
+    return int(digits[1]) if digits else None
+
+
+def _damaged(path: Path, fault: str) -> Problem:
+    return Problem("damaged image", f"{path}: {fault}; this scan's points stay without colour")
+
+
+def _eight_bits(image: Array) -> Array:
+    """An image of 16 bits as one of 8, by the bits that its brightest pixel shows to be in use."""
+    if image.dtype == np.uint8:
+        return image
+    brightest = int(image.max())
+    depth = next(bits for bits in DEPTHS if brightest < 1 << bits)
+    return (image >> (depth - 8)).astype(np.uint8)

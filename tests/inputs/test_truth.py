@@ -1,0 +1,996 @@
+"""Inputs that users of such tools stumbled over: truth, poses, images, and what may be lost.
+
+Each case says what lidarlift did with it before, and what it does now; `play` holds it to that.
+"""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import tracemalloc
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import gtsam
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slam.data import se3
+from slam.data.cloud import Array
+from slam.data.dataset import Dataset, open_dataset
+from slam.data.errors import InputError
+from slam.data.images import ImageFile
+from slam.data.point_files import read_points
+from slam.data.pose_files import kitti_text, read_poses, tum_text
+from slam.graph.g2o import write_g2o
+from slam.graph.pose_graph import Edge, PoseGraph
+from slam.graph.solver import squared_distances
+from slam.pipeline import Pipeline
+from slam.run import Run
+
+SCANS, START = 300, 1.7e9
+STAMPS = START + 0.1 * np.arange(SCANS)
+#: T_world_lidar: half a metre a scan along x, in bends.
+POSES = np.array([se3.exp(np.array([0, 0, 0.3 * np.sin(k / 40), 0, 0, 0])) for k in range(SCANS)])
+POSES[1:, :2, 3] = np.cumsum(0.5 * POSES[:-1, :2, 0], axis=0)
+#: The axes of camera 0 (x right, y down, z forward) in the LiDAR's, and a lever arm.
+T_CAMERA_LIDAR = np.array([[0, -1, 0, 0.1], [0, 0, -1, -0.2], [1, 0, 0, -0.3], [0, 0, 0, 1.0]])
+CALIBRATION = """K: [[700, 0, 600], [0, 700, 180], [0, 0, 1]]
+T_camera_lidar: [[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]
+"""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What a case may use.
+
+    Attributes:
+        folder: A drive of SCANS scans of three points each, with times.txt.
+        lidarlift: The command, in this process.
+        street: Writes the short drive in KITTI's layout.
+        street_poses: Its true poses.
+        street_scans: Its scans, (N, 4) float32.
+    """
+
+    folder: Path
+    lidarlift: Callable[..., Any]
+    street: Callable[..., Path]
+    street_poses: Array
+    street_scans: list[Array]
+
+    def poses(self, *lines: str) -> None:
+        (self.folder / "poses.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+Play = Callable[[Bench], None]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One input.
+
+    Attributes:
+        number: Of the list of inputs (41), of its kin (41b), or of the review's finding (R12).
+        title: What is odd about it.
+        before: What happened.
+        now: What happens.
+        play: Makes it and checks what happens.
+    """
+
+    number: str
+    title: str
+    before: str
+    now: str
+    play: Play
+
+    def __str__(self) -> str:
+        return f"{self.number} {self.title}".replace(" ", "-")
+
+
+# -- truth ---------------------------------------------------------------------------------------------------------
+
+
+def rows(order: str = "xyzw", stamps: Array = STAMPS, poses: Array = POSES) -> Array:
+    """(N, 8): stamp, position, quaternion."""
+    quaternion = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    return np.column_stack([stamps, poses[:, :3, 3], quaternion if order == "xyzw" else quaternion[:, [3, 0, 1, 2]]])
+
+
+def text(table: Array, comma: str = " ") -> list[str]:
+    return [comma.join(f"{value:.9g}" if k else f"{value:.3f}" for k, value in enumerate(row)) for row in table]
+
+
+def truth(*kinds: str, known: Array | slice = slice(None), poses: Array = POSES) -> Callable[[Dataset], None]:
+    """Checks that just the scans `known` have the truth `poses`, and that the data set has problems of these kinds."""
+
+    def check(data: Dataset) -> None:
+        assert [problem.kind for problem in data.problems] == list(kinds)
+        found = data.ground_truth
+        assert found is not None
+        having = np.isfinite(found[:, 0, 0])
+        expected = np.zeros(len(data), bool)
+        expected[known] = True
+        np.testing.assert_array_equal(having, expected)
+        first = np.argmax(having)
+        np.testing.assert_allclose(found[having], (se3.inverse(poses[first]) @ poses)[having], atol=2e-3)
+
+    return check
+
+
+def no_truth(*kinds: str) -> Callable[[Dataset], None]:
+    def check(data: Dataset) -> None:
+        assert [problem.kind for problem in data.problems] == list(kinds)
+        assert data.ground_truth is None
+
+    return check
+
+
+def opened(
+    lines: Sequence[str], check: Callable[[Dataset], None], sensor: str | None = None
+) -> Callable[[Bench], None]:
+    """The drive with these lines as its poses.txt."""
+
+    def play(bench: Bench) -> None:
+        bench.poses(*lines)
+        if sensor:
+            (bench.folder / "sensor.yaml").write_text(sensor)
+        check(open_dataset(bench.folder))
+
+    return play
+
+
+def refused(lines: Sequence[str], *words: str) -> Play:
+    def play(bench: Bench) -> None:
+        bench.poses(*lines)
+        with pytest.raises(InputError, match=r"poses\.txt") as error:
+            open_dataset(bench.folder)
+        assert all(word in str(error.value) for word in words), str(error.value)
+
+    return play
+
+
+def changed(values: Array, at: int | slice, to: float, columns: slice = slice(None)) -> Array:
+    table = values.copy()
+    table[at, columns] = to
+    return table
+
+
+def without(*gone: int) -> Array:
+    return np.setdiff1d(np.arange(SCANS), gone)
+
+
+def euroc() -> list[str]:
+    header = "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
+    header += "".join(f", {name}_{axis} [u]" for name in ("v_RS_R", "b_w_RS_S", "b_a_RS_S") for axis in "xyz")
+    table = rows("wxyz")[:, 1:]
+    lines = [
+        ",".join([f"{int(1000 * stamp) * 10**6}", *map(str, row), *["0.1"] * 9])
+        for stamp, row in zip(STAMPS, table, strict=True)
+    ]
+    return [header, *lines]
+
+
+def kitti() -> Array:
+    return POSES[:, :3].reshape(-1, 12).copy()
+
+
+def nanoseconds() -> list[str]:
+    lines = zip(STAMPS, text(rows()), strict=True)
+    return [f"{round(10 * stamp)}00000000 {line.partition(' ')[2]}" for stamp, line in lines]
+
+
+def numbered(columns: int) -> list[str]:
+    """KITTI-360's: the frame's number first, and only of every fifth frame from the tenth on."""
+    full = POSES.reshape(-1, 16)[:, : columns - 1]
+    return [" ".join([str(k), *map(str, full[k])]) for k in range(10, SCANS, 5)]
+
+
+def mirrored() -> list[str]:
+    table = kitti()
+    table[4, [1, 5, 9]] *= -1
+    return text(table)
+
+
+ONE_HZ = np.arange(0, SCANS, 10)
+COARSE = se3.interpolate(STAMPS[ONE_HZ], POSES[ONE_HZ], STAMPS)
+FINE = START + 0.01 * np.arange(10 * SCANS)
+LINE = np.tile(np.eye(4), (SCANS, 1, 1))
+LINE[:, 0, 3] = np.arange(SCANS)
+
+TRUTH = [
+    Case("41", "TUM with commas", "refused", "is read", opened(text(rows(), ","), truth())),
+    Case(
+        "41b",
+        "TUM with a header without #",
+        "refused",
+        "is read",
+        opened(["timestamp tx ty tz qx qy qz qw", *text(rows())], truth()),
+    ),
+    Case(
+        "41c",
+        "EuRoC's csv: ns, w first, 17 columns",
+        "refused",
+        "is read by the names in its header",
+        opened(euroc(), truth()),
+    ),
+    Case(
+        "41d",
+        "rows of NaN",
+        "refused",
+        "have no truth, which is said",
+        opened(text(changed(rows(), slice(3, 5), np.nan, slice(1, 8))), truth("unknown pose", known=without(3, 4))),
+    ),
+    Case(
+        "41e",
+        "rows with a quaternion of zeros",
+        "refused",
+        "have no truth, which is said",
+        opened(text(changed(rows(), 7, 0, slice(4, 8))), truth("unknown pose", known=without(7))),
+    ),
+    Case(
+        "41f",
+        "a stamp twice",
+        "refused",
+        "the first is taken, which is said",
+        opened(text(rows()[[*range(6), 5, *range(6, SCANS)]]), truth("unsorted truth")),
+    ),
+    Case(
+        "41g",
+        "quaternions with w first",
+        "accepted in silence, every rotation wrong",
+        "are told by the motion, which is said",
+        opened(text(rows("wxyz")), truth("order of quaternions")),
+    ),
+    Case(
+        "41h",
+        "quaternions with w first, and the key says so",
+        "no such key",
+        "are read so",
+        opened(text(rows("wxyz")), truth(), "quaternion: wxyz\n"),
+    ),
+    Case(
+        "41i",
+        "a header that names w first",
+        "refused",
+        "is believed",
+        opened(["# stamp tx ty tz qw qx qy qz", *text(rows("wxyz"))], truth()),
+    ),
+    Case(
+        "41j",
+        "w first and too few poses to tell",
+        "accepted in silence",
+        "no truth before the odometry has told, and a key is named",
+        opened(
+            text(rows("wxyz", START + 10 * np.arange(3), POSES[:300:100])),
+            no_truth("poses shorter than scans", "unclear quaternions"),
+        ),
+    ),
+    Case(
+        "41k",
+        "quaternions of length 0.5",
+        "accepted in silence",
+        "are refused with the line",
+        refused(text(changed(rows(), slice(2, None), 0.25, slice(4, 8))), "line 3", "length 0.5"),
+    ),
+    Case(
+        "41l",
+        "a mirrored rotation in KITTI's rows",
+        "accepted in silence",
+        "is refused with the line",
+        refused(mirrored(), "line 5", "mirrored"),
+    ),
+    Case(
+        "41m",
+        "a 3x3 part that is no rotation",
+        "accepted in silence",
+        "is refused with the line",
+        refused(text(changed(kitti(), 9, 2.0, slice(0, 1))), "line 10", "not orthonormal"),
+    ),
+    Case(
+        "41n",
+        "a line cut short",
+        "refused, without the line",
+        "is refused with the line",
+        refused([*text(rows())[:-1], "1029.9 1 2"], "line 300 has 3 values"),
+    ),
+    Case(
+        "41o",
+        "decimal commas",
+        "refused",
+        "are read",
+        opened([line.replace(".", ",") for line in text(rows())], truth()),
+    ),
+    Case(
+        "41p",
+        "a byte order mark, semicolons and blank lines",
+        "refused",
+        "are read",
+        opened(["\ufeff# made by a spreadsheet", "", *text(rows(), "; ")], truth()),
+    ),
+    Case(
+        "41q",
+        "a straight road in TUM's format",
+        "right",
+        "is read as TUM's: the LiDAR looks ahead",
+        opened(text(rows(poses=LINE)), truth(poses=LINE)),
+    ),
+    Case(
+        "41r",
+        "no file of poses but words",
+        "refused",
+        "is refused with its first words",
+        refused(["see the readme"], "not a table of numbers", "see the readme"),
+    ),
+    Case(
+        "R11",
+        "zeros for lost poses in KITTI's rows",
+        "a traceback after the odometry, loops and map lost",
+        "are no truth for these scans",
+        opened(text(changed(kitti(), slice(5, 8), 0)), truth("unknown pose", known=without(5, 6, 7))),
+    ),
+    Case(
+        "44",
+        "KITTI-360's 17 columns, a number first",
+        "refused",
+        "are read by number, and the others have no truth",
+        opened(numbered(17), truth("poses shorter than scans", known=np.arange(10, SCANS, 5))),
+    ),
+    Case(
+        "44b",
+        "the same with 13 columns",
+        "refused",
+        "are read by number, and the others have no truth",
+        opened(numbered(13), truth("poses shorter than scans", known=np.arange(10, SCANS, 5))),
+    ),
+    Case(
+        "45b",
+        "a hole of twenty seconds in the truth",
+        "interpolated straight over it, without a word",
+        "scans in it have no truth, which is said",
+        opened(text(rows()[without(*range(50, 250))]), truth("hole in ground truth", known=without(*range(50, 250)))),
+    ),
+    Case(
+        "45c",
+        "truth at 1 Hz",
+        "interpolated",
+        "counts: a second apart is usual there",
+        opened(text(rows()[ONE_HZ]), truth("poses shorter than scans", known=slice(0, 291), poses=COARSE)),
+    ),
+    Case(
+        "45d",
+        "truth at 100 Hz",
+        "right",
+        "is interpolated at the scans' stamps",
+        opened(text(rows(stamps=FINE, poses=se3.interpolate(STAMPS, POSES, FINE))), truth()),
+    ),
+    Case(
+        "45e",
+        "truth shorter than the scans",
+        "right",
+        "the others have none, which is said",
+        opened(text(rows()[:120]), truth("poses shorter than scans", known=slice(0, 120))),
+    ),
+    Case(
+        "45f",
+        "stamps that fall",
+        "refused",
+        "are sorted, which is said",
+        opened(text(rows()[::-1]), truth("unsorted truth")),
+    ),
+    Case(
+        "45g",
+        "stamps in nanoseconds",
+        "all scans without truth",
+        "are told by their size",
+        opened(nanoseconds(), truth()),
+    ),
+    Case(
+        "45h",
+        "truth by another clock",
+        "all scans without truth, said as too short",
+        "no truth, and both clocks are named",
+        opened(text(rows(stamps=STAMPS + 5e5)), no_truth("no ground truth")),
+    ),
+    Case(
+        "45i",
+        "fewer rows than scans of which some are missing",
+        "row by row, in silence",
+        "no truth, which is said",
+        lambda bench: fewer_rows(bench),
+    ),
+]
+
+
+def fewer_rows(bench: Bench) -> None:
+    for number in (20, 21, 22):
+        (bench.folder / f"{number:06d}.bin").unlink()
+    (bench.folder / "times.txt").write_text("".join(f"{stamp}\n" for stamp in np.delete(STAMPS, [20, 21, 22])))
+    bench.poses(*text(kitti()[:280]))
+    no_truth("gap in numbering", "no ground truth")(open_dataset(bench.folder))
+
+
+def no_stamps(bench: Bench) -> None:
+    (bench.folder / "times.txt").unlink()
+    bench.poses(*text(rows(stamps=FINE[:SCANS])))
+    no_truth("no time stamps", "no ground truth")(open_dataset(bench.folder))
+
+
+def short_drive(bench: Bench, *lines: str) -> Run:
+    """A run over the street's scans as a folder of one's own, with these lines as poses.txt."""
+    folder = bench.folder / "short"
+    folder.mkdir()
+    for number in range(8):
+        source = bench.street_scans[number]
+        source.tofile(folder / f"{number:06d}.bin")
+    (folder / "times.txt").write_text("".join(f"{0.1 * number}\n" for number in range(8)))
+    (folder / "poses.txt").write_text("\n".join(lines) + "\n")
+    return Pipeline().run(open_dataset(folder))
+
+
+def odometry_tells(bench: Bench) -> None:
+    stamps = 0.1 * np.arange(8)
+    run = short_drive(bench, *text(rows("wxyz", stamps, bench.street_poses)))
+    assert [problem.kind for problem in run.problems] == ["order of quaternions"]
+    assert run.ground_truth is not None
+    np.testing.assert_allclose(run.ground_truth, bench.street_poses, atol=1e-5)
+
+
+def header_lies(bench: Bench) -> None:
+    table = text(rows("wxyz", 0.1 * np.arange(8), bench.street_poses))
+    run = short_drive(bench, "# stamp tx ty tz qx qy qz qw", *table)
+    assert [problem.kind for problem in run.problems] == ["order of quaternions"]
+    assert "by the odometry, its quaternions have w first" in run.problems[0].message
+    assert run.ground_truth is not None
+    np.testing.assert_allclose(run.ground_truth, bench.street_poses, atol=1e-5)
+
+
+def nobody_tells(bench: Bench) -> None:
+    """The body's own x axis is up and its turns are about it: no order agrees with the LiDAR's motion."""
+    turn = se3.exp(np.array([0, -np.pi / 2, 0, 0, 0, 0])) @ se3.exp(np.array([1.0, 0, 0, 0, 0, 0]))
+    run = short_drive(bench, *text(rows("xyzw", 0.1 * np.arange(8), bench.street_poses @ turn)))
+    assert [problem.kind for problem in run.problems] == ["no ground truth"]
+    assert "write quaternion" in run.problems[0].message
+    assert run.ground_truth is None
+
+
+def cameras_truth(bench: Bench) -> None:
+    run = short_drive(
+        bench, *text((T_CAMERA_LIDAR @ bench.street_poses @ se3.inverse(T_CAMERA_LIDAR))[:, :3].reshape(-1, 12))
+    )
+    assert [problem.kind for problem in run.problems] == ["no ground truth"]
+    assert "as a camera's do" in run.problems[0].message
+    assert run.ground_truth is None
+
+
+def zeros_in_a_run(bench: Bench) -> None:
+    path = bench.street()
+    poses = path.parent.parent / "poses" / "77.txt"
+    lines = poses.read_text().splitlines()
+    poses.write_text("\n".join([*lines[:3], " ".join(["0"] * 12), *lines[4:]]) + "\n")
+    result = bench.lidarlift("run", path, "--frames", ":5", "--out", "r")
+    assert result.code == 0, result.err
+    assert len(read_poses(Path("r/ground_truth_tum.txt"))[1]) == 4
+    assert "unknown pose" in result.err
+
+
+def cameras_odometry(bench: Bench) -> None:
+    path = bench.street()
+    (bench.folder / "poses_of_camera.txt").write_text((path.parent.parent / "poses" / "77.txt").read_text())
+    result = bench.lidarlift("run", path, "--odometry", bench.folder / "poses_of_camera.txt", "--out", "r")
+    assert result.code == 0, result.err
+    assert "converted by the calibration, as those of KITTI's camera 0" in result.err
+    np.testing.assert_allclose(read_poses(Path("r/odometry_kitti.txt"))[1], bench.street_poses, atol=1e-5)
+    (path / "calib.txt").unlink()
+    bench.lidarlift("run", path, "--odometry", bench.folder / "poses_of_camera.txt", "--out", "s").refused(
+        "poses_of_camera.txt", "they are a camera's", "give the LiDAR's"
+    )
+
+
+def truth_of_a_lidar(bench: Bench) -> None:
+    path = bench.street()
+    (path.parent.parent / "poses" / "77.txt").write_text(kitti_text(bench.street_poses))
+    data = open_dataset(path)
+    assert data.ground_truth is None
+    assert "camera 0's, along z" in data.problems[-1].message
+
+
+def sound_and_unsound(_: Bench) -> None:
+    poses = np.array([np.eye(4), np.zeros((4, 4)), np.full((4, 4), np.nan), np.diag([1.0, 1, -1, 1])])
+    lines = tum_text(np.arange(4.0), poses).splitlines()
+    assert lines[0] == "0.000000000 0 0 0 0 0 0 1"
+    assert [line.split()[1:] for line in lines[1:]] == [["nan"] * 7] * 3
+    assert len(kitti_text(poses).splitlines()) == 4
+
+
+def gtsam_reads(bench: Bench) -> None:
+    rng, path = np.random.default_rng(5), bench.folder / "graph.g2o"
+    poses = np.array([se3.exp(rng.normal(size=6) * [1, 1, 1, 50, 50, 5]) for _ in range(5)])
+    edges = []
+    for i, j in ((0, 1), (1, 2), (2, 3), (3, 4), (0, 4)):
+        A, off = rng.normal(size=(6, 6)), se3.exp(0.1 * rng.normal(size=6))
+        edges.append(Edge(i, j, se3.inverse(poses[i]) @ poses[j] @ off, A @ A.T + 0.1 * np.eye(6)))
+    write_g2o(path, PoseGraph(poses, tuple(edges)))
+    graph, values = gtsam.readG2o(str(path), is3D=True)
+    assert (graph.size(), values.size()) == (5, 5)
+    assert 2 * graph.error(values) == pytest.approx(squared_distances(edges, poses).sum(), rel=1e-9)
+
+
+def world_frame(bench: Bench) -> None:
+    """A street of houses, seen within 30 m, driven down for 70 m, with its points left where they are in the world."""
+    rng, parts = np.random.default_rng(0), []
+    for x in np.arange(-40, 120, 10.0):
+        for side in (-1, 1):
+            wide, y = rng.uniform(4, 9), side * rng.uniform(8, 14)
+            parts.append(np.column_stack([rng.uniform(x, x + wide, 400), np.full(400, y), rng.uniform(-1.7, 7, 400)]))
+            parts.append(
+                np.column_stack([np.full(200, x), y + side * rng.uniform(0, 5, 200), rng.uniform(-1.7, 7, 200)])
+            )
+    parts.append(np.column_stack([rng.uniform(-40, 120, 8_000), rng.uniform(-20, 20, 8_000), np.full(8_000, -1.7)]))
+    world = np.concatenate(parts)
+    for name in ("world", "own"):
+        (bench.folder / name).mkdir()
+        for number in range(24):
+            here = np.array([3.0 * number, 0, 0])
+            seen = world[np.linalg.norm(world - here, axis=1) < 30] - (here if name == "own" else 0)
+            np.column_stack([seen, np.full(len(seen), 0.5)]).astype("f4").tofile(bench.folder / name / f"{number}.bin")
+        (bench.folder / name / "times.txt").write_text("".join(f"{0.1 * number}\n" for number in range(24)))
+        problems = [problem.kind for problem in Pipeline().run(open_dataset(bench.folder / name)).problems]
+        assert problems == (["world frame"] if name == "world" else [])
+
+
+POSES_AND_GRAPHS = [
+    Case(
+        "37",
+        "scans that are in the world's frame already",
+        "an identity trajectory and a plausible map, no word",
+        "one problem of the run says so",
+        world_frame,
+    ),
+    Case(
+        "41s",
+        "w first and too few poses, but there is odometry",
+        "accepted in silence",
+        "the odometry tells, which is said",
+        odometry_tells,
+    ),
+    Case(
+        "41u",
+        "a header that says w last, above quaternions with w first",
+        "refused",
+        "the odometry contradicts it, which is said",
+        header_lies,
+    ),
+    Case(
+        "41t",
+        "poses of a body with other axes: neither order agrees with the odometry",
+        "accepted in silence",
+        "no truth, and the key is named",
+        nobody_tells,
+    ),
+    Case(
+        "R12",
+        "truth with stamps, scans without times.txt",
+        "row by row: 100 Hz poses for 10 Hz scans, in silence",
+        "no truth, which is said",
+        no_stamps,
+    ),
+    Case(
+        "R11b",
+        "zeros for a lost pose of KITTI's odometry benchmark",
+        "a traceback after the odometry",
+        "the run ends well, that scan has no truth, which is said",
+        zeros_in_a_run,
+    ),
+    Case("R11c", "writing poses that are none", "a traceback", "rows of NaN behind their stamps", sound_and_unsound),
+    Case(
+        "R13",
+        "--odometry with poses of camera 0",
+        "a map three times too large, nothing said",
+        "converted by the calibration, which is said; refused where there is none",
+        cameras_odometry,
+    ),
+    Case(
+        "R13b",
+        "poses.txt with a camera's poses",
+        "errors between different bodies, with a note",
+        "no truth, once the odometry shows it",
+        cameras_truth,
+    ),
+    Case(
+        "R13c",
+        "the LiDAR's poses where KITTI has camera 0's",
+        "turned into nonsense, in silence",
+        "no truth, which is said",
+        truth_of_a_lidar,
+    ),
+    Case("46", "graph.g2o read by GTSAM", "not tried", "the same chi-squared", gtsam_reads),
+]
+
+
+# -- images and calibration ----------------------------------------------------------------------------------------
+
+
+def pictures(bench: Bench, names: Sequence[str], *, times: Sequence[float] = (), calibrated: bool = True) -> Path:
+    folder = bench.folder / "images"
+    folder.mkdir(exist_ok=True)
+    for number, name in enumerate(names):
+        cv2.imwrite(str(folder / name), np.full((4, 6, 3), number % 250, np.uint8))
+    if times:
+        (folder / "times.txt").write_text("".join(f"{stamp}\n" for stamp in times))
+    if calibrated:
+        (bench.folder / "calib.yaml").write_text(CALIBRATION)
+    return folder
+
+
+def shades(data: Dataset, positions: Sequence[int]) -> list[int | None]:
+    images = [data[position].image for position in positions]
+    return [None if image is None else int(image[0, 0, 0]) for image in images]
+
+
+def image_kinds(data: Dataset, position: int) -> list[str]:
+    return [problem.kind for problem in data[position].problems]
+
+
+def fewer_images(bench: Bench) -> None:
+    pictures(bench, [f"{number:06d}.png" for number in range(5)])
+    data = open_dataset(bench.folder)
+    assert shades(data, [0, 4, 5]) == [0, 4, None]
+    assert image_kinds(data, 5) == ["missing image"]
+
+
+def images_by_number(bench: Bench) -> None:
+    pictures(bench, [f"frame{number}.png" for number in range(12)])
+    assert shades(open_dataset(bench.folder), [0, 2, 11]) == [0, 2, 11]
+
+
+def images_of_other_names(bench: Bench) -> None:
+    pictures(bench, ["left.png", "right.png"])
+    data = open_dataset(bench.folder)
+    assert [problem.kind for problem in data.problems] == ["unmatched images"]
+    assert image_kinds(data, 0) == []
+
+
+def a_faster_camera(bench: Bench) -> None:
+    """Thirty images a second, the first a second before the scans; half of the drive long."""
+    times = START - 1 + np.arange(480) / 30
+    pictures(bench, [f"{number}.png" for number in range(480)], times=times.tolist())
+    data = open_dataset(bench.folder)
+    assert shades(data, [0, 1, 10, 200]) == [30, 33, 60, None]
+
+
+def many_images(_: Bench) -> None:
+    from slam.data import images
+
+    stamps = 0.1 * np.arange(36_000)
+    files = [Path(f"{number}.png") for number in range(36_000)]
+    tracemalloc.start()
+    found = images._nearest(files, stamps + 0.01, stamps)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found == files
+    assert peak < 20e6
+
+
+def damaged_images(bench: Bench) -> None:
+    folder = pictures(bench, [f"{number:06d}.png" for number in range(4)])
+    rng = np.random.default_rng(0)
+    cv2.imwrite(str(folder / "000001.png"), rng.integers(0, 255, (60, 80, 3), np.uint8))
+    whole = (folder / "000001.png").read_bytes()
+    (folder / "000000.png").write_bytes(b"no image at all")
+    (folder / "000002.png").write_bytes(whole[: len(whole) // 2])
+    (folder / "000003.png").write_bytes(whole[:200] + bytes(300) + whole[500:])
+    data = open_dataset(bench.folder)
+    frames = [data[position] for position in range(4)]
+    kinds = [[problem.kind for problem in frame.problems] for frame in frames]
+    assert kinds == [["damaged image"], [], ["damaged image"], []]
+    assert [frame.image is None for frame in frames] == [True, False, True, True]
+    inside = frames[3].read_image
+    assert isinstance(inside, ImageFile)
+    assert inside.problem is not None
+    assert "000003.png: its contents cannot be decoded" in inside.problem.message
+
+
+def damage_in_a_run(bench: Bench) -> None:
+    """The first image is damaged where only its pixels show it, and is read to colour the map."""
+    path = bench.street()
+    (path / "image_2").mkdir()
+    rng = np.random.default_rng(0)
+    for number in range(8):
+        cv2.imwrite(str(path / "image_2" / f"{number:06d}.png"), rng.integers(0, 255, (60, 80, 3), np.uint8))
+    first = path / "image_2" / "000000.png"
+    whole = first.read_bytes()
+    first.write_bytes(whole[:200] + bytes(300) + whole[500:])
+    run = Pipeline().run(open_dataset(path), slice(3))
+    assert run.counts()["damaged_image"] == 1
+    first.write_bytes(whole[:5000])
+    result = bench.lidarlift("run", path, "--frames", ":3", "--strict", "--out", "r")
+    assert result.code == 1
+    assert "000000.png: cut short" in result.err
+
+
+def orientation_tag(bench: Bench) -> None:
+    path = bench.folder / "turned.jpg"
+    encoded = cv2.imencode(".jpg", np.zeros((20, 40, 3), np.uint8))[1].tobytes()
+    exif = (
+        b"Exif\x00\x00II*\x00\x08\x00\x00\x00\x01\x00\x12\x01\x03\x00\x01\x00\x00\x00\x06\x00\x00\x00\x00\x00\x00\x00"
+    )
+    path.write_bytes(encoded[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + encoded[2:])
+    turned = cv2.imread(str(path))
+    assert turned is not None
+    assert turned.shape == (40, 20, 3)  # the tag is one that OpenCV would follow
+    image = ImageFile(path)()
+    assert image is not None
+    assert image.shape == (20, 40, 3)
+
+
+def sixteen_bits(bench: Bench) -> None:
+    grey = np.arange(256, dtype=np.uint16).reshape(16, 16)
+    for bits in (8, 12, 16):
+        path = bench.folder / f"{bits}.png"
+        cv2.imwrite(str(path), grey.astype(np.uint8) if bits == 8 else grey << (bits - 8))
+        image = ImageFile(path)()
+        assert image is not None
+        np.testing.assert_array_equal(image[:, :, 1], grey)
+
+
+def fisheye(bench: Bench) -> None:
+    path = bench.folder / "calib.yaml"
+    path.write_text(CALIBRATION + "distortion: [-0.03, 0.02, -0.05, 0.03]\n")
+    with pytest.raises(InputError, match=r"may be k1 k2 k3 k4 of a fisheye lens.*say model: pinhole"):
+        open_dataset(bench.folder)
+    path.write_text(CALIBRATION + "distortion: [-0.03, 0.02, -0.05, 0.03]\nmodel: equidistant\n")
+    with pytest.raises(InputError, match="fisheye lenses are not supported; rectify the images"):
+        open_dataset(bench.folder)
+    path.write_text(CALIBRATION + "distortion: [-0.03, 0.02, -0.05, 0.03]\nmodel: plumb_bob\n")
+    assert open_dataset(bench.folder).calibration is not None
+    path.write_text(CALIBRATION + "model: omnidirectional\n")
+    with pytest.raises(InputError, match="unknown model 'omnidirectional'; known: pinhole"):
+        open_dataset(bench.folder)
+
+
+def odd_sizes(bench: Bench) -> None:
+    path = bench.street()
+    (path / "image_2").mkdir()
+    for number in range(3):
+        cv2.imwrite(str(path / "image_2" / f"{number:06d}.png"), np.full((369, 1225, 3), 90, np.uint8))
+    methods = [word for name in ("ip-basic", "f2l", "joint") for word in ("--method", name)]
+    result = bench.lidarlift("depth-benchmark", path, "--frames", "1:2", "--out", "d", *methods)
+    assert result.code == 0, result.err
+
+
+IMAGES = [
+    Case("48", "images of 1225 x 369 pixels", "not tried", "every method fills them in", odd_sizes),
+    Case("49", "fewer images than scans", "not tried", "the others have none, which is said", fewer_images),
+    Case(
+        "49b",
+        "images with the numbers of the scans and other names",
+        "every scan misses its image",
+        "are matched by number",
+        images_by_number,
+    ),
+    Case(
+        "49c",
+        "images that have nothing in common with the scans",
+        "every scan misses its image",
+        "one problem of the drive",
+        images_of_other_names,
+    ),
+    Case(
+        "49d",
+        "a camera of 30 Hz that starts earlier and stops earlier",
+        "right",
+        "the nearest image within half a scan",
+        a_faster_camera,
+    ),
+    Case("R15", "an hour of images by time", "16 bytes a pair: 21 GB", "some megabytes", many_images),
+    Case(
+        "R23a",
+        "damaged images",
+        "a line in the log, not counted",
+        "problems, and no half image is used",
+        damaged_images,
+    ),
+    Case("R23b", "damage in a run", "not counted, --strict goes on", "counted; --strict stops", damage_in_a_run),
+    Case(
+        "R23c",
+        "a JPEG with an orientation tag",
+        "turned, so that K no longer fits",
+        "pixels as they are stored",
+        orientation_tag,
+    ),
+    Case("R23d", "images of 16 bits", "nearly black where the camera has 12", "8 bits of those in use", sixteen_bits),
+    Case("R23e", "fisheye coefficients", "taken for k1 k2 p1 p2", "refused, or a model: is asked for", fisheye),
+]
+
+
+# -- nothing is lost -----------------------------------------------------------------------------------------------
+
+STOPPED = """
+import sys
+from lidarlift.cli import main
+from slam.tracking import Tracker
+track = Tracker.__call__
+def slow(self, frame):
+    if frame.index == 4:
+        print("there", flush=True)
+        import time
+        time.sleep(60)
+    return track(self, frame)
+Tracker.__call__ = slow
+sys.argv = ["lidarlift", *sys.argv[1:]]
+main()
+"""
+
+
+def stopped_by_an_exception(bench: Bench) -> None:
+    path = bench.street()
+    data = open_dataset(path)
+
+    class Broken:
+        def __getattr__(self, name: str) -> Any:
+            return getattr(data, name)
+
+        def __len__(self) -> int:
+            return len(data)
+
+        def __getitem__(self, position: int) -> Any:
+            if position == 5:
+                raise MemoryError("a header that lies")
+            return data[position]
+
+    import lidarlift
+
+    lidarlift.run(data, frames=slice(2), out=bench.folder / "earlier")
+    before = (bench.folder / "earlier" / "trajectory_tum.txt").read_bytes()
+    for name, kept in (("r", "r"), ("earlier", "earlier-stopped")):
+        with pytest.raises(MemoryError):
+            lidarlift.run(Broken(), out=bench.folder / name)
+        assert len(read_poses(bench.folder / kept / "odometry_tum.txt")[1]) == 5
+        assert len(read_poses(bench.folder / kept / "ground_truth_tum.txt")[1]) == 5
+        assert not (bench.folder / kept / "run.json").exists()
+    assert (bench.folder / "earlier" / "trajectory_tum.txt").read_bytes() == before
+
+
+def stopped_by_hand(bench: Bench) -> None:
+    folder = bench.folder / "r"
+    command = [sys.executable, "-c", STOPPED, "run", str(bench.street()), "--out", str(folder)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "there\n"
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    assert "stopped after 4 frames" in err
+    assert len(read_poses(folder / "odometry_tum.txt")[1]) == 4
+
+
+def onto_the_input(bench: Bench) -> None:
+    path = bench.street()
+    (bench.folder / "link").symlink_to(path)
+    before = sorted(path.rglob("*"))
+    for out in (path, path / "velodyne", path / "velodyne" / "more", bench.folder / "link", path / ".." / path.name):
+        for command in (("run",), ("enrich", "--enricher", "ray-segment")):
+            result = bench.lidarlift(*command, path, "--frames", ":1", "--out", out)
+            result.refused(str(out), "choose another folder")
+    assert sorted(path.rglob("*")) == before
+    own = bench.folder / "000000.bin"
+    content = own.read_bytes()
+    bench.lidarlift("enrich", bench.folder, "--sensor", "vlp16", "--out", bench.folder).refused(
+        "where nothing may change"
+    )
+    assert own.read_bytes() == content
+    result = bench.lidarlift("enrich", path, "--enricher", "ray-segment", "--frames", ":1", "--out", path / "enriched")
+    assert result.code == 0, result.err
+
+
+def enriched_times(bench: Bench) -> None:
+    path = bench.street()
+    (path / "sensor.yaml").write_text("model: hdl64\n")  # as the sensor swept them: with times
+    for suffix in ("pcd", "ply"):
+        options = ("--enricher", "ray-segment", "--format", suffix, "--frames", ":1")
+        assert bench.lidarlift("enrich", path, "--out", "e", *options).code == 0
+        points = read_points(Path(f"e/000000.{suffix}"))
+        cloud = open_dataset(path)[0].cloud
+        assert cloud.time is not None
+        times = points.times["time"]
+        assert len(times) == len(points.xyz) > 2 * (len(cloud) // 4)
+        assert times.min() == pytest.approx(cloud.time.min(), abs=0.01)
+        assert times.max() == pytest.approx(cloud.time.max(), abs=0.01)
+
+
+def off_the_lines(bench: Bench) -> None:
+    noise = np.random.default_rng(0).normal(0, 20, (5000, 4)).astype("f4")
+    path = bench.street({1: noise})
+    result = bench.lidarlift("enrich", path, "--out", "e", "--frames", ":3", "--enricher", "ray-segment")
+    assert result.code == 0, result.err
+    assert sorted(file.name for file in Path("e").iterdir()) == ["000000.pcd", "000002.pcd"]
+    assert "1 scans were empty, damaged or off the laser lines" in result.out
+
+
+def first_scan_of_few_points(bench: Bench) -> None:
+    import lidarlift
+
+    path, sizes = bench.street(), []
+    whole = bench.street_scans[0]
+    for first in (whole, whole[:: len(whole) // 40]):
+        first.tofile(path / "velodyne" / "000000.bin")
+        clouds = [cloud for _, cloud in lidarlift.enrich(path, enricher="ray-segment", frames=slice(3))]
+        sizes.append(len(clouds[2]))
+    assert sizes[1] == sizes[0]
+
+
+LOST = [
+    Case(
+        "R5",
+        "an exception in the middle of a run",
+        "all poses so far were lost",
+        "odometry, truth and timings are saved; a finished run in the folder stays",
+        stopped_by_an_exception,
+    ),
+    Case(
+        "R5b",
+        "Ctrl-C in the middle of a run",
+        "all poses so far were lost",
+        "they are saved, and where is said",
+        stopped_by_hand,
+    ),
+    Case(
+        "R8",
+        "results written onto the input",
+        "scans overwritten, a map taken for a scan",
+        "refused, by any name of the folder",
+        onto_the_input,
+    ),
+    Case("R17", "enrich and the points' times", "dropped", "written in the column time", enriched_times),
+    Case(
+        "R17b",
+        "enrich and a scan off the laser lines",
+        "an AssertionError",
+        "has no file, and is counted",
+        off_the_lines,
+    ),
+    Case(
+        "R18",
+        "a first scan of forty points",
+        "a coarse grid for all that follow",
+        "says nothing about those that follow",
+        first_scan_of_few_points,
+    ),
+]
+
+CASES = [*TRUTH, *POSES_AND_GRAPHS, *IMAGES, *LOST]
+
+
+@pytest.fixture
+def bench(
+    tmp_path: Path,
+    lidarlift: Callable[..., Any],
+    street_drive: Callable[..., Path],
+    street_poses: Array,
+    street_scans: list[Array],
+) -> Bench:
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    scan = np.array([[10, 0, 1, 0.5], [0, 10, 0, 0.25], [-10, 0, -1, 1]], np.float32).tobytes()
+    for number in range(SCANS):
+        (folder / f"{number:06d}.bin").write_bytes(scan)
+    (folder / "times.txt").write_text("".join(f"{stamp:.6f}\n" for stamp in STAMPS))
+    return Bench(folder, lidarlift, street_drive, street_poses, street_scans)
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_truth_images_and_what_is_kept(case: Case, bench: Bench) -> None:
+    case.play(bench)
+
+
+def test_every_case_has_a_number_of_its_own() -> None:
+    assert len({case.number for case in CASES}) == len(CASES)
