@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from inspect import signature
 from pathlib import Path
@@ -180,5 +181,5 @@ def _pick(path: Path, found: dict[str, Path], wanted: str | None) -> Path:
 
 
 def _number(name: str) -> int:
-    digits = name.removesuffix("_sync").rpartition("_")[2]
-    return int(digits) if digits.isdigit() else -1
+    digits = re.search(r"[0-9]+$", name.removesuffix("_sync"))
+    return int(digits[0]) if digits else -1

@@ -8,7 +8,7 @@ from pathlib import Path
 from slam.data.bin_layout import KITTI, Layout, parsed_columns, told_layout
 from slam.data.errors import InputError
 from slam.data.point_blocks import UnreadableError
-from slam.data.point_files import Reading, read_points
+from slam.data.point_files import Points, Reading, read_points
 from slam.data.problem import Problem
 from slam.data.sound_points import map_frame
 
@@ -28,17 +28,20 @@ def reading_of(files: Sequence[Path], columns: str | None = None) -> tuple[Readi
             said of files that name their own.
     """
     layout, told = _layout(files, columns)
-    found = []
-    for path in files[:FIRST]:
-        found.append(read_points(path, Reading(layout)))
-        if not any(problem.kind == "missing scan" for problem in found[-1].problems):
-            break
-    else:
-        raise InputError(found[0].problems[0].message.replace("; no points used", "") + _likewise(files))
-    offset = found[-1].offset
+    offset = first_of(files, Reading(layout)).offset
     if not any(offset):
         return Reading(layout), told
     return Reading(layout, offset), (*told, Problem("map coordinates", f"{files[0].parent}: {map_frame(offset)}"))
+
+
+def first_of(files: Sequence[Path], reading: Reading) -> Points:
+    """The first scan that can be read. Raises InputError where none of the first FIRST can."""
+    found = []
+    for path in files[:FIRST]:
+        found.append(read_points(path, reading))
+        if not any(problem.kind == "missing scan" for problem in found[-1].problems):
+            return found[-1]
+    raise InputError(found[0].problems[0].message.replace("; no points used", "") + _likewise(files))
 
 
 def _likewise(files: Sequence[Path]) -> str:

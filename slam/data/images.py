@@ -91,33 +91,31 @@ def image_folder(path: Path) -> Path | None:
     return next((path / name for name in IMAGE_FOLDERS if (path / name).is_dir()), None)
 
 
-def match_images(
-    path: Path, scans: Sequence[Path], stamps: Array, known_times: bool
+def matched_images(
+    folder: Path, scans: Sequence[Path], stamps: Array, known_times: bool, unit: str | None = None
 ) -> tuple[Path | None, list[ImageFile | None], tuple[Problem, ...]]:
     """For each scan its image: the nearest in time, within half a scan's period, where the images have a times.txt or
     are named by their stamps; else its namesake, or the one of its number.
 
     Args:
-        path: The drive's folder.
+        folder: The images' folder.
         scans: The N files.
         stamps: (N,) [s].
         known_times: Whether the stamps were recorded, not assumed.
+        unit: Of the stamps that are the images' names, where it is known (see `in_order`).
 
     Returns:
         The folder of the images, None where there are none to use; the image of each scan, or None; and what is wrong
         with the images as a whole.
     """
-    folder = image_folder(path)
-    if folder is None:
-        return None, [None] * len(scans), ()
     files = (file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES and file.name[0] != ".")
-    names = in_order(list(files))
+    names = in_order(list(files), unit)
     images, taken = names.files, names.stamps
     problems: tuple[Problem, ...] = ()
     times = next((folder / name for name in TIME_FILES if (folder / name).is_file()), None)
     if images and times is not None and (read := read_stamps(times, images, names.numbers)):
         taken, problems = read.seconds, read.problems
-    found = _by_name(images, scans) if taken is None or not known_times else _nearest(images, taken, stamps)
+    found = _by_name(images, scans) if taken is None or not known_times else nearest_images(images, taken, stamps)
     if any(found):
         return folder, [None if image is None else ImageFile(image) for image in found], problems
     fault = f"none of {len(images)} images has a scan's name, number or time" if images else "no images in it"
@@ -125,7 +123,7 @@ def match_images(
     return None, [None] * len(scans), (Problem("unmatched images", text),)
 
 
-def _nearest(images: Sequence[Path], taken: Array, stamps: Array) -> list[Path | None]:
+def nearest_images(images: Sequence[Path], taken: Array, stamps: Array) -> list[Path | None]:
     """Of images at rising times (M,) the nearest to each stamp (N,), None beyond half a scan's period."""
     after = np.searchsorted(taken, stamps).clip(max=len(taken) - 1)
     before = np.maximum(after - 1, 0)

@@ -669,7 +669,7 @@ def many_images(_: Bench) -> None:
     stamps = 0.1 * np.arange(36_000)
     files = [Path(f"{number}.png") for number in range(36_000)]
     tracemalloc.start()
-    found = images._nearest(files, stamps + 0.01, stamps)
+    found = images.nearest_images(files, stamps + 0.01, stamps)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert found == files
