@@ -86,6 +86,7 @@ DATASETS = Registry[Dataset](
     {
         "kitti-odometry": "slam.data.kitti_odometry:KittiOdometry",
         "kitti-raw": "slam.data.kitti_raw:KittiRaw",
+        "mulran": "slam.data.loaders.mulran:MulRan",
         FOLDER: "slam.data.folder:UserFolder",
     },
     "lidarlift.datasets",
