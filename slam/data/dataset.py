@@ -87,6 +87,7 @@ DATASETS = Registry[Dataset](
         "kitti-odometry": "slam.data.kitti_odometry:KittiOdometry",
         "kitti-raw": "slam.data.kitti_raw:KittiRaw",
         "mulran": "slam.data.loaders.mulran:MulRan",
+        "helipr": "slam.data.loaders.helipr:Helipr",
         FOLDER: "slam.data.folder:UserFolder",
     },
     "lidarlift.datasets",
