@@ -86,6 +86,7 @@ DATASETS = Registry[Dataset](
     {
         "kitti-odometry": "slam.data.kitti_odometry:KittiOdometry",
         "kitti-raw": "slam.data.kitti_raw:KittiRaw",
+        "nclt": "slam.data.loaders.nclt:Nclt",
         "mulran": "slam.data.loaders.mulran:MulRan",
         "helipr": "slam.data.loaders.helipr:Helipr",
         FOLDER: "slam.data.folder:UserFolder",
