@@ -89,6 +89,7 @@ DATASETS = Registry[Dataset](
         "nclt": "slam.data.loaders.nclt:Nclt",
         "mulran": "slam.data.loaders.mulran:MulRan",
         "helipr": "slam.data.loaders.helipr:Helipr",
+        "boreas": "slam.data.loaders.boreas:Boreas",
         FOLDER: "slam.data.folder:UserFolder",
     },
     "lidarlift.datasets",
