@@ -90,6 +90,7 @@ DATASETS = Registry[Dataset](
         "mulran": "slam.data.loaders.mulran:MulRan",
         "helipr": "slam.data.loaders.helipr:Helipr",
         "boreas": "slam.data.loaders.boreas:Boreas",
+        "newer-college": "slam.data.loaders.newer_college:NewerCollege",
         FOLDER: "slam.data.folder:UserFolder",
     },
     "lidarlift.datasets",
