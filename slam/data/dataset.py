@@ -91,6 +91,7 @@ DATASETS = Registry[Dataset](
         "helipr": "slam.data.loaders.helipr:Helipr",
         "boreas": "slam.data.loaders.boreas:Boreas",
         "newer-college": "slam.data.loaders.newer_college:NewerCollege",
+        "paris-luco": "slam.data.loaders.paris_luco:ParisLuco",
         FOLDER: "slam.data.folder:UserFolder",
     },
     "lidarlift.datasets",
