@@ -85,6 +85,7 @@ DATASETS = Registry[Dataset](
     "data set",
     {
         "kitti-odometry": "slam.data.kitti_odometry:KittiOdometry",
+        "kitti-360": "slam.data.loaders.kitti_360:Kitti360",
         "kitti-raw": "slam.data.kitti_raw:KittiRaw",
         "nclt": "slam.data.loaders.nclt:Nclt",
         "mulran": "slam.data.loaders.mulran:MulRan",
