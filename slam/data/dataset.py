@@ -87,6 +87,7 @@ DATASETS = Registry[Dataset](
         "kitti-odometry": "slam.data.kitti_odometry:KittiOdometry",
         "kitti-360": "slam.data.loaders.kitti_360:Kitti360",
         "kitti-raw": "slam.data.kitti_raw:KittiRaw",
+        "nuscenes": "slam.data.loaders.nuscenes:NuScenes",
         "nclt": "slam.data.loaders.nclt:Nclt",
         "mulran": "slam.data.loaders.mulran:MulRan",
         "helipr": "slam.data.loaders.helipr:Helipr",
