@@ -94,6 +94,7 @@ DATASETS = Registry[Dataset](
         "boreas": "slam.data.loaders.boreas:Boreas",
         "newer-college": "slam.data.loaders.newer_college:NewerCollege",
         "paris-luco": "slam.data.loaders.paris_luco:ParisLuco",
+        "argoverse-2": "slam.data.loaders.argoverse_2:Argoverse2",
         FOLDER: "slam.data.folder:UserFolder",
     },
     "lidarlift.datasets",

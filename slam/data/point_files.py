@@ -153,6 +153,10 @@ def _content(file: BinaryIO, size: int, path: Path, reading: Reading) -> Content
             from slam.data.las import read_las
 
             return read_las(file, size, WANTED, path)
+        case ".feather":
+            from slam.data.feather import read_feather
+
+            return read_feather(file, WANTED, path)
         case suffix:
             raise UnreadableError(f"'{suffix}' is not one of {', '.join(SUFFIXES)}")
 
