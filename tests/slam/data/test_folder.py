@@ -55,11 +55,26 @@ def test_scans_come_in_the_order_of_their_numbers(folder: Path) -> None:
     assert dataset.sensor is dataset.calibration is dataset.ground_truth is dataset[0].cloud.ring is None
 
 
-@pytest.mark.parametrize("place", ["scans", "velodyne", "points"])
+@pytest.mark.parametrize("place", ["scans", "velodyne", "points", "lidar"])
 def test_scans_may_lie_in_a_folder_of_their_own(tmp_path: Path, place: str) -> None:
     (tmp_path / place).mkdir()
     POINTS.tofile(tmp_path / place / "1.bin")
     assert len(open_dataset(tmp_path)[0].cloud) == 3
+
+
+def test_the_raw_layout_of_rko_lio(tmp_path: Path) -> None:
+    """lidar/<ns>.ply, imu.csv and transforms.yaml: of these, the scans are read."""
+    (tmp_path / "lidar").mkdir()
+    for number in range(2):
+        time = np.array([0, 0.05, 0.1]) + 1.7e9 + 0.1 * number
+        write_cloud(tmp_path / "lidar" / f"{1_700_000_000_000_000_000 + 100_000_000 * number}.ply", t=time)
+    (tmp_path / "imu.csv").write_text("timestamp,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n")
+    (tmp_path / "transforms.yaml").write_text(
+        "T_lidar_to_base: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n"
+    )
+    dataset = open_dataset(tmp_path)
+    assert dataset.stamps == pytest.approx([1.7e9, 1.7e9 + 0.1])
+    assert dataset[1].cloud.time == pytest.approx([0, 0.05, 0.1], abs=1e-6)
 
 
 def test_names_without_rising_numbers_are_counted(tmp_path: Path) -> None:
