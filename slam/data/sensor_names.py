@@ -15,6 +15,7 @@ SENSORS: Registry[Sensor] = Registry(
     {
         "hdl64": "slam.data.sensor_tables:hdl64",
         "vlp16": "slam.data.sensor_tables:vlp16",
+        "hdl32": "slam.data.sensor_tables:hdl32",
         "vlp32c": "slam.data.sensor_tables:vlp32c",
         "vls128": "slam.data.sensor_tables:vls128",
         "os1-64": "slam.data.sensor_tables:os1_64",

@@ -27,6 +27,12 @@ def vlp16() -> Sensor:
 
 
 @lru_cache(maxsize=1)
+def hdl32() -> Sensor:
+    """Velodyne HDL-32E user manual 63-9113: 32 lasers in one column, 4/3 deg apart."""
+    return _without_offsets("hdl32", 32 / 3 - 4 / 3 * np.arange(32), np.zeros(32))
+
+
+@lru_cache(maxsize=1)
 def vlp32c() -> Sensor:
     """Velodyne VLP-32C user manual 63-9325, table of vertical angles and azimuth offsets, which it counts clockwise."""
     lines = np.array(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from slam.data.loaders.common import HERE, pose
 from slam.data.point_files import Reading
 from slam.data.scan_drive import ScanDrive
 from slam.data.scan_names import ScanNames
-from slam.data.sensor import conventions_of_folder, sensor_of_folder
+from slam.data.sensor import conventions_of_folder, load_sensor, sensor_of_folder
 
 #: x to the right and y forward, in the files, into ours; and ours in the files' frame.
 AXES = ((0.0, 1.0, 0.0, 0.0), (-1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
@@ -58,13 +59,14 @@ class NuScenes(ScanDrive):
         files = [root / name for name in scene.scans]
         reading = Reading(parsed_columns("x,y,z,intensity,ring"), HERE, AXES)
         first_of(files, reading)
+        lasers = replace(load_sensor("hdl32"), motion_compensated=True)
         super().__init__(
             root,
             f"nuScenes {path.name}",
             ScanNames(files, np.arange(len(files)), scene.stamps),
             "sample_data.json, us",
             reading,
-            sensor_of_folder(root, sensor),
+            sensor_of_folder(root, sensor, lasers),
             Conventions(stamp="end").over(conventions_of_folder(root, sensor)).said(stamp),
             compensated=True,
         )

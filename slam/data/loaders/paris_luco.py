@@ -6,6 +6,7 @@ from pathlib import Path
 
 from slam.data.loaders.common import HERE, StampedDrive, folders_with
 from slam.data.point_files import Reading
+from slam.data.sensor import load_sensor
 
 TRUTH = "gt_traj_lidar.txt"
 
@@ -14,7 +15,7 @@ class ParisLuco(StampedDrive):
     """`frames/frame_<number>.ply` of one sequence.
 
     Points have `timestamp`, seconds from the instant at which the LiDAR looks ahead, the middle of its turn; files have
-    neither rings nor the scans' stamps, 10 a second are assumed. gt_traj_lidar.txt has positions only, which are not
+    no rings, which the nearest laser line tells, and no stamps of the scans: 10 a second are assumed. gt_traj_lidar.txt has positions only, which are not
     read: a truth needs poses.
     """
 
@@ -41,6 +42,7 @@ class ParisLuco(StampedDrive):
             ".ply",
             None,
             Reading(offset=HERE),
+            default=load_sensor("hdl32"),
             sensor=sensor,
             stamp=stamp,
             point_time=point_time,

@@ -78,6 +78,12 @@ def test_the_vlp32c_follows_its_manual() -> None:
     assert sorted(set(np.rad2deg(sensor.azimuth).round(3))) == [-4.2, -1.4, 1.4, 4.2]
 
 
+def test_the_hdl32_is_even() -> None:
+    sensor = load_sensor("HDL-32E")
+    assert np.rad2deg(sensor.elevation[[0, 8, 31]]) == pytest.approx([10.667, 0, -30.667], abs=1e-3)
+    assert -np.diff(np.rad2deg(sensor.elevation)) == pytest.approx(np.full(31, 1.333), abs=1e-3)
+
+
 def test_the_vls128_is_dense_near_the_horizon() -> None:
     sensor = load_sensor("vls128")
     steps = -np.diff(np.rad2deg(sensor.elevation))

@@ -30,6 +30,8 @@ def test_times_are_from_the_middle_of_the_turn_and_stamps_assumed(sequence: Path
     assert cloud.time is not None
     assert cloud.time[[0, 50, 99]] == pytest.approx([-0.05, 0, 0.049], abs=1e-6)
     assert data.point_times.stamp == "middle"  # type: ignore[attr-defined]
+    assert cloud.ring is not None
+    assert cloud.ring[[0, 99]].tolist() == [8, 4]  # level is the ninth of the 32 lasers, 5.7 deg up the fifth
 
 
 def test_positions_alone_are_no_truth_and_that_is_said(sequence: Path) -> None:
