@@ -47,7 +47,7 @@ class KittiRaw(KittiDrive):
         self.name = f"{self.MAKER} {path.name.removesuffix('_sync')}"
         said = conventions_of_folder(path, sensor).said(stamp)
         scans, images = path / "velodyne_points" / "data", self._image_place(path)
-        super().__init__(path, self._lasers(path, sensor), said.stamp, scans, images)
+        super().__init__(path, self._lasers(path, sensor), sensor, said.stamp, scans, images)
         self.stamps, start, unusual = self._read_stamps()
         self.calibration, uncalibrated = self._read_calibration()
         self.ground_truth, untrue = self._read_ground_truth(start)

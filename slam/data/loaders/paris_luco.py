@@ -14,9 +14,9 @@ TRUTH = "gt_traj_lidar.txt"
 class ParisLuco(StampedDrive):
     """`frames/frame_<number>.ply` of one sequence.
 
-    Points have `timestamp`, seconds from the instant at which the LiDAR looks ahead, the middle of its turn; files have
-    no rings, which the nearest laser line tells, and no stamps of the scans: 10 a second are assumed. gt_traj_lidar.txt has positions only, which are not
-    read: a truth needs poses.
+    Points have `timestamp`, seconds from the instant at which the LiDAR looks ahead, the middle of its turn. Files have
+    no rings, which the nearest laser line tells, and no stamps of the scans: 10 a second are assumed. gt_traj_lidar.txt
+    has positions only, which are not read: a truth needs poses.
     """
 
     LAYOUT = f"ParisLuco (frames/*.ply beside {TRUTH})"
