@@ -18,15 +18,17 @@ WINDOW_ROWS, WINDOW_COLUMNS = 4, 3
 def project(xyz: Array, calibration: Calibration) -> tuple[Array, Array]:
     """Pixels (N, 2) float64 (u to the right, v down; whole numbers are pixel centres) and depth (N,) float64 [m].
 
-    Points (N, 3) in the LiDAR's frame as recorded, before deskewing. Pixels are NaN behind the camera and where the
-    lens's distortion folds back: its model would put points from far outside into the image.
+    Points (N, 3) in the LiDAR's frame as recorded, before deskewing. Pixels are NaN behind the camera, for a fisheye
+    lens, too, and where the lens's distortion folds back: its model would put points from far outside into the image.
     """
     T, K = calibration.T_camera_lidar, calibration.K
     points = np.einsum("ij,nj->ni", T[:3, :3], xyz) + T[:3, 3]  # `@` waits long for BLAS's threads
     depth = points[:, 2]
     plane = np.full((len(points), 2), np.nan)
     np.divide(points[:, :2], depth[:, None], out=plane, where=depth[:, None] > 0)
-    if any(calibration.distortion):
+    if calibration.fisheye:
+        plane = _equidistant(plane, calibration.distortion)
+    elif any(calibration.distortion):
         plane = _distorted(plane, calibration.distortion)
     return np.einsum("ij,nj->ni", K[:2, :2], plane) + K[:2, 2], depth
 
@@ -86,3 +88,19 @@ def _fold(coefficients: tuple[float, ...]) -> float:
     image = radius * (1 + s * (k1 + s * (k2 + s * k3))) / (1 + s * (k4 + s * (k5 + s * k6)))
     falls = np.flatnonzero(np.diff(image) <= 0)
     return float(radius[falls[0]]) if len(falls) else np.inf
+
+
+def _equidistant(plane: Array, coefficients: tuple[float, ...]) -> Array:
+    """The fisheye model of OpenCV (Kannala and Brandt, PAMI 2006) on the plane at depth 1, (N, 2): a ray at angle t off
+    the axis is drawn at t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8). NaN where that folds back."""
+    k = np.array([1.0, *coefficients, *(0.0,) * (4 - len(coefficients))])
+    radius = np.linalg.norm(plane, axis=1)
+    angle = np.arctan(radius)
+    growth = np.polynomial.Polynomial(k * (1 + 2 * np.arange(5)))  # of the drawn radius with the angle, in its square
+    angles = np.linspace(0, np.pi / 2, 2001)
+    falls = np.flatnonzero(growth(angles**2) <= 0)
+    drawn = angle * np.polynomial.Polynomial(k)(angle**2)
+    drawn[angle >= (angles[falls[0]] if len(falls) else np.inf)] = np.nan
+    scale = np.ones(len(plane))
+    np.divide(drawn, radius, out=scale, where=radius > 0)
+    return plane * scale[:, None]

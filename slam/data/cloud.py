@@ -88,9 +88,10 @@ HISTORY = 5  # past clouds that a front end is shown
 class Calibration:
     """The camera beside the LiDAR.
 
-    K                (3, 3) pinhole matrix of the image as it is delivered, pixels
+    K                (3, 3) camera matrix of the image as it is delivered, pixels
     T_camera_lidar   (4, 4) maps LiDAR points into the camera's frame (z forward)
     distortion       OpenCV's coefficients (k1 k2 p1 p2 [k3 ...]); empty for rectified images
+    fisheye          the lens is equidistant, and the coefficients are k1 k2 k3 k4 of OpenCV's fisheye model, or none
     T_camera0_lidar  (4, 4) for data sets whose reference poses are those of another camera (KITTI's camera 0)
     """
 
@@ -98,6 +99,7 @@ class Calibration:
     T_camera_lidar: Array
     distortion: tuple[float, ...] = ()
     T_camera0_lidar: Array | None = None
+    fisheye: bool = False
 
 
 @dataclass(frozen=True, eq=False)

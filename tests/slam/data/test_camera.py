@@ -56,6 +56,48 @@ def test_distortion_is_opencvs(count: int) -> None:
     np.testing.assert_allclose(pixels, expected[:, 0], atol=1e-9)
 
 
+@pytest.mark.parametrize("coefficients", [(), (-0.02, 0.01, -0.005, 0.001)])
+def test_a_fisheye_is_opencvs(coefficients: tuple[float, ...]) -> None:
+    """To 80 degrees off the axis."""
+    import cv2
+
+    rng = np.random.default_rng(0)
+    off, around, reach = rng.uniform(0, np.deg2rad(80), 200), rng.uniform(0, 2 * np.pi, 200), rng.uniform(2, 30, 200)
+    seen = reach[:, None] * np.column_stack([np.sin(off) * np.cos(around), np.sin(off) * np.sin(around), np.cos(off)])
+    xyz = (seen - LOOKING_AHEAD[:3, 3]) @ LOOKING_AHEAD[:3, :3]
+    pixels, depth = project(xyz, replace(CALIBRATION, distortion=coefficients, fisheye=True))
+    K, D = CALIBRATION.K, np.array(coefficients or (0.0,) * 4)
+    expected, _ = cv2.fisheye.projectPoints(seen[:, None], np.zeros(3), np.zeros(3), K, D)
+    np.testing.assert_allclose(pixels, expected[:, 0], atol=1e-9)
+    np.testing.assert_allclose(depth, seen[:, 2])
+
+
+def test_a_fisheye_by_hand() -> None:
+    """45 degrees to the left, and straight ahead: in the middle."""
+    pixels, _ = project(np.array([[5.2, 5.0, -0.1], [5.2, 0, -0.1]]), replace(CALIBRATION, fisheye=True))
+    np.testing.assert_allclose(pixels, [[50 - 100 * np.pi / 4, 40], [50, 40]])
+
+
+def test_a_fisheyes_colours_are_where_it_draws_them() -> None:
+    image = np.zeros((100, 300, 3), np.uint8)
+    image[40, 150 - 79] = (10, 20, 30)  # 45 degrees to the left; a pinhole camera would draw it at 150 - 100
+    K = np.array([[100.0, 0, 150], [0, 100.0, 40], [0, 0, 1]])
+    points = cloud((5.2, 5.0, -0.1))
+    for fisheye, colour in ((True, [10, 20, 30]), (False, [1, 1, 1])):
+        coloured = with_colour(points, image, Calibration(K, LOOKING_AHEAD, fisheye=fisheye)).colour
+        assert coloured is not None
+        assert coloured.tolist() == [colour]
+
+
+def test_a_fisheye_model_does_not_fold_the_outside_into_the_image() -> None:
+    """t (1 - 0.3 t^2) is largest at t = 1.054, 60.4 degrees off the axis."""
+    folding = replace(CALIBRATION, fisheye=True, distortion=(-0.3, 0.0, 0.0, 0.0))
+    left = 5 * np.tan(np.deg2rad([60, 61]))
+    pixels, _ = project(np.column_stack([[5.2, 5.2], left, [-0.1, -0.1]]), folding)
+    assert np.isfinite(pixels[0]).all()
+    assert np.isnan(pixels[1]).all()
+
+
 def test_a_lens_model_does_not_fold_the_outside_into_the_image() -> None:
     """r (1 - 0.3 r^2) is 0 again at r = 1.83, so that a point 61 degrees off the axis would fall on its middle."""
     folding = replace(CALIBRATION, distortion=(-0.3, 0.0, 0.0, 0.0))
