@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from slam.data.cloud import Array, Calibration
 from slam.data.errors import InputError
-from slam.data.yaml_files import numbers, read_mapping
+from slam.data.yaml_files import checked_mapping, numbers, read_yaml
 
 #: What others call the model of k1 k2 p1 p2 [k3 ...], and those that have four coefficients of another meaning.
 PINHOLE = ("pinhole", "radtan", "plumb_bob", "brown", "opencv", "rational_polynomial")
@@ -18,19 +19,46 @@ KEYS = ("K", "T_camera_lidar", "distortion", "model")
 LEAST_TANGENTIAL = 0.02  # lenses that are off centre have p1 and p2 of some thousandths; a fisheye's k3, k4 are larger
 
 
-def read_calibration(path: Path) -> Calibration:
-    """`K` (3x3, pixels), `T_camera_lidar` (4x4, LiDAR points into the camera's frame) and, for images that are not
-    rectified, `distortion` and the `model` that it is of: OpenCV's 4, 5, 8, 12 or 14 coefficients (PINHOLE, the
-    default), or k1 k2 k3 k4 of its fisheye model (FISHEYE).
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera of a user's drive, and the folder of its images: None for the usual one."""
 
-    Raises InputError where one is missing, of another shape, or no camera or rigid motion; where the model is another;
-    and where four coefficients may be a fisheye's and no model says otherwise.
+    calibration: Calibration
+    images: Path | None = None
+
+
+def read_cameras(path: Path) -> list[Camera]:
+    """The cameras of a calib.yaml, the one that looks most along the LiDAR's x first.
+
+    The keys of one: `K` (3x3, pixels), `T_camera_lidar` (4x4, LiDAR points into the camera's frame) and, for images
+    that are not rectified, `distortion` and the `model` that it is of: OpenCV's 4, 5, 8, 12 or 14 coefficients
+    (PINHOLE, the default), or k1 k2 k3 k4 of its fisheye model (FISHEYE). Of several: `cameras`, under which each has
+    these below its name, and `images`, their folder, which is images/NAME where nothing is said.
+
+    Raises:
+        InputError: A key is missing, or its value of another shape, or no camera or rigid motion; the model is unknown;
+            or four coefficients may be a fisheye's and no model says so.
     """
-    return camera_of(path, read_mapping(path, KEYS))
+    content = read_yaml(path)
+    if not isinstance(content, dict) or "cameras" not in content:
+        return [Camera(_calibration(path, checked_mapping(path, content, KEYS)))]
+    if len(content) > 1:
+        extra = next(key for key in content if key != "cameras")
+        raise InputError(f"{path}: '{extra}' beside 'cameras'; put it under the name of the camera that it is of")
+    named = content["cameras"]
+    if not isinstance(named, dict) or not named:
+        raise InputError(f"{path}: 'cameras': names are expected, and under each K and T_camera_lidar")
+    found = []
+    for name, keys in named.items():
+        where = f"cameras.{name}."
+        keys = checked_mapping(path, keys, (*KEYS, "images"), where)
+        folder = path.parent / str(keys.get("images", f"images/{name}"))
+        found.append(Camera(_calibration(path, keys, where), folder))
+    return sorted(found, key=lambda camera: -camera.calibration.T_camera_lidar[2, 0])  # the axis' share of x
 
 
-def camera_of(path: Path, content: dict[str, Any], where: str = "") -> Calibration:
-    """The same of a camera's keys and values; `where` stands before the keys in messages."""
+def _calibration(path: Path, content: dict[str, Any], where: str = "") -> Calibration:
+    """Of a camera's keys and values; `where` stands before the keys in messages."""
     for key in ("K", "T_camera_lidar"):
         if key not in content:
             raise InputError(f"{path}: '{where}{key}' is missing")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import minimum_filter
 
-from slam.data.cloud import Array, Calibration, PointCloud
+from slam.data.cloud import Array, Calibration, PointCloud, View
 
 #: A point is hidden behind a return that is nearer by more than the larger of metres and share of its depth, and at
 #: most so many rows and columns of pixels away: the LiDAR stands higher and looks over things.
@@ -59,6 +60,17 @@ def with_colour(cloud: PointCloud, image: Array, calibration: Calibration) -> Po
     colour[seen] = image[row, column]
     colour[seen & ~colour.any(axis=1)] = 1
     return replace(cloud, colour=colour)
+
+
+def with_colours(cloud: PointCloud, views: Iterable[View]) -> PointCloud:
+    """The same of several cameras: each point has the colour that the first of them saw. As it is without images."""
+    for view in views:
+        if (image := view.read_image()) is not None:
+            before, seen = cloud.colour, with_colour(cloud, image, view.calibration).colour
+            if before is not None and seen is not None:
+                seen = np.where(before.any(axis=1, keepdims=True), before, seen)
+            cloud = replace(cloud, colour=seen)
+    return cloud
 
 
 def nearest_pixel(pixels: Array) -> tuple[Array, Array]:

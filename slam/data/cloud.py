@@ -102,21 +102,46 @@ class Calibration:
     fisheye: bool = False
 
 
+#: Gives an image, (H, W, 3) uint8 RGB, or None where there is none.
+ImageReader = Callable[[], Array | None]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A camera, and what reads its image of a scan."""
+
+    calibration: Calibration
+    read_image: ImageReader
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One scan of a drive: its number in the data set, stamp [s], points as recorded, and the camera beside it.
+    """One scan of a drive: its number in the data set, stamp [s], points as recorded, and the camera beside it, of
+    several the one that looks ahead; `others` only colour points.
 
-    `problems` says what was wrong with this scan or its image, and what was done about it.
+    `problems` says what was wrong with this scan or its images, and what was done about it.
     """
 
     index: int
     stamp: float
     cloud: PointCloud
     calibration: Calibration | None = None
-    read_image: Callable[[], Array | None] = lambda: None
+    read_image: ImageReader = lambda: None
     problems: tuple[Problem, ...] = ()
+    others: tuple[View, ...] = ()
 
     @property
     def image(self) -> Array | None:
         """(H, W, 3) uint8 RGB, read when asked for; None where the data set has no image of this scan."""
         return self.read_image()
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """All cameras whose calibration is known, the one that looks ahead first."""
+        ahead = () if self.calibration is None else (View(self.calibration, self.read_image),)
+        return (*ahead, *self.others)
+
+    @property
+    def image_readers(self) -> tuple[ImageReader, ...]:
+        """What reads the images of all cameras."""
+        return (self.read_image, *(view.read_image for view in self.others))

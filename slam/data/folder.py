@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from slam.data.calibration_file import read_calibration
+from slam.data.calibration_file import read_cameras
 from slam.data.cloud import Array, PointCloud
 from slam.data.errors import InputError
 from slam.data.first_scans import reading_of
@@ -24,7 +24,7 @@ class UserFolder(ScanDrive):
     """Scans (.bin of float32 x y z intensity, .pcd, .ply, .npy) in the folder or its scans/, velodyne/ or points/.
 
     Optional beside them: `times.txt` or `timestamps.txt` (see `read_stamps`; else names that are stamps tell),
-    `images/` or `image_2/` (matched by their own times.txt, else by name), `calib.yaml` (see `read_calibration`),
+    `images/` or `image_2/` (matched by their own times.txt, else by name), `calib.yaml` (see `read_cameras`),
     `poses.txt` (KITTI or TUM, of the LiDAR at the stamps), `sensor.yaml` (see `load_sensor`, `Conventions`). What
     intensities, rings and points' times mean is found from the first scans, once for all. Rings come from the file's
     field, else from the sensor's laser lines. See `Dataset` for the fields. Raises InputError where a file holds
@@ -68,16 +68,27 @@ class UserFolder(ScanDrive):
         name = path.resolve().name
         super().__init__(path, name, scans, stamps_from, reading, lasers, said, no_stamps="no times.txt")
         self.problems = (*told, *unusual, *self.problems)
-        self._read_calibration()
-        self.take_images(image_folder(path))
+        self._take_cameras()
         self.take_truth(read_ground_truth(path, self.stamps, self.numbers, self.known_times))
 
-    def _read_calibration(self) -> None:
-        if (self.path / "calib.yaml").is_file():
-            self.calibration = read_calibration(self.path / "calib.yaml")
-        elif image_folder(self.path):
-            text = f"{self.path}: images, but no calib.yaml (K, T_camera_lidar); the camera is not used"
-            self.note(Problem("no calibration", text))
+    def _take_cameras(self) -> None:
+        """The cameras of calib.yaml: the first with images is the frames' own, the others colour points."""
+        usual, file = image_folder(self.path), self.path / "calib.yaml"
+        if not file.is_file():
+            if usual is not None:
+                text = f"{self.path}: images, but no calib.yaml (K, T_camera_lidar); the camera is not used"
+                self.note(Problem("no calibration", text))
+            self.take_images(usual)
+            return
+        for camera in read_cameras(file):
+            folder = camera.images or usual
+            if camera.images is not None and not camera.images.is_dir():
+                self.note(Problem("no images", f"{camera.images}: no such folder; this camera is not used"))
+            elif self.calibration is None:
+                self.calibration = camera.calibration
+                self.take_images(folder)
+            elif folder is not None:
+                self.take_other_camera(camera.calibration, folder)
 
 
 def _read_stamps(path: Path, scans: ScanNames) -> tuple[Array | None, str, tuple[Problem, ...]]:

@@ -81,9 +81,10 @@ def image_problems(image: ImageFile | None, number: int, folder: Path) -> tuple[
 
 
 def found_in_reading(frame: Frame) -> tuple[Problem, ...]:
-    """What was wrong with a frame's image when it was read, beyond what the frame's own problems say."""
-    problem = frame.read_image.problem if isinstance(frame.read_image, ImageFile) else None
-    return () if problem is None or problem in frame.problems else (problem,)
+    """What was wrong with a frame's images when they were read, beyond what the frame's own problems say."""
+    readers = (reader for reader in frame.image_readers if isinstance(reader, ImageFile))
+    found = (reader.problem for reader in readers)
+    return tuple(problem for problem in found if problem is not None and problem not in frame.problems)
 
 
 def image_folder(path: Path) -> Path | None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.data.cloud import Array, Calibration, Frame
+from slam.data.cloud import Array, Calibration, Frame, View
 from slam.data.conventions import Conventions
 from slam.data.files import SCAN_PERIOD, gaps
 from slam.data.ground_truth import GroundTruth
@@ -70,6 +70,7 @@ class ScanDrive:
         self.truth_readings: Mapping[str, Array] = {}
         self._image_folder: Path | None = None
         self._images: list[ImageFile | None] = [None] * len(self)
+        self._other_cameras: list[tuple[Calibration, Path, list[ImageFile | None]]] = []
 
     def __len__(self) -> int:
         return len(self._files)
@@ -83,7 +84,7 @@ class ScanDrive:
     def folders(self) -> tuple[Path, ...]:
         """What the drive is read from: nothing may be written there."""
         images = () if self._image_folder is None else (self._image_folder,)
-        return (self.path, self._files[0].parent, *images)
+        return (self.path, self._files[0].parent, *images, *(folder for _, folder, _ in self._other_cameras))
 
     def __getitem__(self, position: int) -> Frame:
         number = int(self.numbers[position])
@@ -92,6 +93,8 @@ class ScanDrive:
         problems = points.problems + odd
         if self._image_folder is not None:
             problems += image_problems(self._images[position], number, self._image_folder)
+        for _, folder, images in self._other_cameras:
+            problems += image_problems(images[position], number, folder)
         return Frame(
             index=number,
             stamp=float(self.stamps[position]),
@@ -99,6 +102,7 @@ class ScanDrive:
             calibration=self.calibration,
             read_image=self._images[position] or no_image,
             problems=problems,
+            others=tuple(View(camera, images[position] or no_image) for camera, _, images in self._other_cameras),
         )
 
     def points(self, position: int) -> Points:
@@ -120,6 +124,13 @@ class ScanDrive:
             found = matched_images(folder, self._files, self.stamps, self.known_times, unit)
             self._image_folder, self._images, unmatched = found
             self.note(*unmatched)
+
+    def take_other_camera(self, calibration: Calibration, folder: Path) -> None:
+        """A camera beside the one that looks ahead, and its images, matched with the scans likewise."""
+        place, images, unmatched = matched_images(folder, self._files, self.stamps, self.known_times)
+        self.note(*unmatched)
+        if place is not None:
+            self._other_cameras.append((calibration, place, images))
 
     def _first_scans(self, stamps: Array | None) -> list[tuple[Points, float | None]]:
         """Those with points, and their stamps where they were recorded."""

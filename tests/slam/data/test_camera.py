@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slam.data.camera import project, visible, with_colour
-from slam.data.cloud import Array, Calibration, PointCloud
+from slam.data.camera import project, visible, with_colour, with_colours
+from slam.data.cloud import Array, Calibration, PointCloud, View
 
 # A camera 0.2 m before and 0.1 m below the LiDAR, looking ahead.
 LOOKING_AHEAD = np.array([[0, -1, 0, 0.0], [0, 0, -1, -0.1], [1, 0, 0, -0.2], [0, 0, 0, 1.0]])
@@ -154,3 +154,14 @@ def test_no_points() -> None:
     coloured = with_colour(cloud(), np.zeros((*SHAPE, 3), np.uint8), CALIBRATION)
     assert coloured.colour is not None
     assert coloured.colour.shape == (0, 3)
+
+
+def test_each_point_has_the_colour_of_the_first_camera_that_saw_it() -> None:
+    backwards = Calibration(CALIBRATION.K, LOOKING_AHEAD @ np.diag([-1.0, -1, 1, 1]))
+    red, blue = (np.full((*SHAPE, 3), colour, np.uint8) for colour in ((200, 0, 0), (0, 0, 200)))
+    points = cloud((5, 0, 0), (-5, 0, 0), (0, 5, 0))
+    views = [View(CALIBRATION, lambda: red), View(CALIBRATION, lambda: blue), View(backwards, lambda: blue)]
+    colour = with_colours(points, views).colour
+    assert colour is not None
+    assert colour.tolist() == [[200, 0, 0], [0, 0, 200], [0, 0, 0]]
+    assert with_colours(points, [View(CALIBRATION, lambda: None)]).colour is None

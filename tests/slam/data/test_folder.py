@@ -240,6 +240,66 @@ def test_calibration_is_read_and_checked(folder: Path) -> None:
         assert message in str(error.value)
 
 
+AHEAD = "[[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]"
+TO_THE_LEFT = "[[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]"
+TWO_CAMERAS = f"""cameras:
+  left: {{K: [[100, 0, 5], [0, 100, 5], [0, 0, 1]], T_camera_lidar: {TO_THE_LEFT}, model: fisheye}}
+  front: {{K: [[200, 0, 5], [0, 200, 5], [0, 0, 1]], T_camera_lidar: {AHEAD}, images: ahead}}
+"""
+
+
+def two_cameras(folder: Path) -> None:
+    (folder / "calib.yaml").write_text(TWO_CAMERAS)
+    for place, shade in (("images/left", 10), ("ahead", 20)):
+        (folder / place).mkdir(parents=True)
+        for name in ("scan1", "scan10"):
+            cv2.imwrite(str(folder / place / f"{name}.png"), np.full((10, 10, 3), shade, np.uint8))
+
+
+def test_of_several_cameras_the_one_that_looks_ahead_is_the_frames_own(folder: Path) -> None:
+    two_cameras(folder)
+    dataset = open_dataset(folder)
+    assert dataset.calibration is not None
+    assert dataset.calibration.K[0, 0] == 200
+    frame = dataset[0]
+    assert frame.image is not None
+    assert frame.image[0, 0, 0] == 20
+    assert [view.calibration.fisheye for view in frame.views] == [False, True]
+    left = frame.others[0].read_image()
+    assert left is not None
+    assert left[0, 0, 0] == 10
+    assert kinds(dataset[1].problems) == ["missing image", "missing image"]
+    assert set(dataset.folders) == {folder, folder / "ahead", folder / "images" / "left"}  # type: ignore[attr-defined]
+
+
+def test_a_camera_without_its_folder_is_left_out_and_that_is_said(folder: Path) -> None:
+    two_cameras(folder)
+    shutil.rmtree(folder / "ahead")
+    dataset = open_dataset(folder)
+    assert dataset.calibration is not None
+    assert dataset.calibration.fisheye
+    assert dataset[0].others == ()
+    assert "no images" in kinds(dataset.problems)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("cameras: {}", "'cameras': names are expected"),
+        ("cameras: [1]", "'cameras': names are expected"),
+        ("cameras: {front: 3}", "'cameras.front': lines like"),
+        ("cameras: {front: {K: 1, image: x}}", "unknown key 'cameras.front.image'; did you mean 'images'"),
+        ("cameras: {front: {T_camera_lidar: 1}}", "'cameras.front.K' is missing"),
+        (f"{TWO_CAMERAS}model: pinhole", "'model' beside 'cameras'; put it under the name"),
+    ],
+)
+def test_cameras_that_make_no_sense_are_refused(folder: Path, content: str, message: str) -> None:
+    (folder / "calib.yaml").write_text(content)
+    with pytest.raises(InputError, match=r"calib\.yaml") as error:
+        open_dataset(folder)
+    assert message in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("times", "message"),
     [
