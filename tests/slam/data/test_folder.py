@@ -240,6 +240,16 @@ def test_calibration_is_read_and_checked(folder: Path) -> None:
         assert message in str(error.value)
 
 
+def test_images_of_16_bits_keep_their_brightness_beside_each_other(folder: Path) -> None:
+    """12 bits in use: a dark image is dark, as it would not be by its own brightest pixel."""
+    (folder / "images").mkdir()
+    for name, brightest in (("scan1", 400), ("scan2", 4000), ("scan10", 800)):
+        cv2.imwrite(str(folder / "images" / f"{name}.png"), np.full((4, 4), brightest, np.uint16))
+    (folder / "calib.yaml").write_text(CALIBRATION)
+    images = [open_dataset(folder)[position].image for position in range(3)]
+    assert [None if image is None else image[0, 0].tolist() for image in images] == [[25] * 3, [250] * 3, [50] * 3]
+
+
 AHEAD = "[[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]"
 TO_THE_LEFT = "[[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]"
 TWO_CAMERAS = f"""cameras:
