@@ -109,12 +109,13 @@ def open_dataset(
     stamp: str | None = None,
     point_time: str | None = None,
 ) -> Dataset:
-    """The drive in a folder: KITTI odometry, KITTI raw, a kind that another package adds, or a folder of scans.
+    """The drive in a folder: a data set that is known by its folders, a kind that another package adds, or a folder of
+    scans.
 
     Args:
-        path: KITTI odometry's root, its `sequences` folder or one sequence; of KITTI raw the root, a date or a drive
-            (`..._sync`); or a folder of scans of the user's own (`UserFolder`).
-        sequence: Picks one where there are several ('04'; '0005').
+        path: The root of one of DATASETS or one of its drives (each class says how they are laid out); or a folder of
+            scans of the user's own (`UserFolder`).
+        sequence: Picks one where there are several ('04'; '0005'; 'scene-0061').
         sensor: Overrides what the folder says of the LiDAR (see `load_sensor`).
         stamp: The instant of a sweep that the stamps belong to, 'start', 'middle' or 'end'; by default sensor.yaml's
             or what the points' times tell.
