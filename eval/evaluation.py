@@ -20,7 +20,8 @@ from slam.data.atomic import write_text
 from slam.data.body_frame import body_frame, into_lidar_frame
 from slam.data.cloud import Array
 from slam.data.errors import InputError
-from slam.data.pose_files import read_poses
+from slam.data.pose_files import Trajectory, read_poses, read_whole_trajectory, w_first_note
+from slam.data.quaternion_order import orders_by_odometry
 
 
 def evaluate_poses(
@@ -82,14 +83,18 @@ def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -
         calib: A calibration of KITTI's that brings a reference in camera-0 axes into the LiDAR frame, inv(Tr) P Tr.
 
     Returns:
-        What `evaluate_poses` returns; its protocol says how the poses were paired, and in which frame.
+        What `evaluate_poses` returns; its protocol says how the poses were paired, and in which frame. Where the
+        estimate tells that the reference's quaternions have w first, not last, they are read so, and a note says it.
 
     Raises:
         InputError: A file cannot be read, the two cannot be paired, or their frames of reference do not fit (see
             `require_same_frame`).
     """
     stamps, e = read_poses(estimate)
-    reference_stamps, g = read_poses(reference)
+    theirs = read_whole_trajectory(reference)
+    T_camera0_lidar = None if calib is None else read_camera0_calibration(calib)
+    order = _other_order(theirs, stamps, e, T_camera0_lidar)
+    reference_stamps, g = theirs.stamps, theirs.readings[order] if order else theirs.poses
     protocol = {"association": "equal numbers of poses, in order"}
     if stamps is not None and reference_stamps is not None:
         protocol["association"] = f"by time stamp, at most {MAX_STAMP_DIFFERENCE} s apart"
@@ -99,9 +104,9 @@ def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -
             "cut one to the frames of the other, or give both in TUM's format (stamp tx ty tz qx qy qz qw)"
         )
     found = None
-    if calib is not None:
+    if calib is not None and T_camera0_lidar is not None:
         found = body_frame(g)
-        g = into_lidar_frame(g, read_camera0_calibration(calib))
+        g = into_lidar_frame(g, T_camera0_lidar)
         protocol["reference"] = f"brought from camera-0 axes into the LiDAR frame by {calib.name}"
     require_same_frame(e, g, (str(estimate), str(reference)), found)
     protocol["frame"] = f"estimate: {_axes(e)}; reference: {_axes(g)}"
@@ -109,7 +114,11 @@ def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -
         metrics = evaluate_poses(e, g, stamps, reference_stamps)
     except InputError as error:
         raise InputError(f"{estimate} against {reference}: {error}") from error
-    return replace(metrics, protocol={**metrics.protocol, **protocol})
+    note = w_first_note(reference, theirs)
+    if order:
+        note = f"{reference}: as the estimate tells, its quaternions have w {'first' if order == 'wxyz' else 'last'}"
+    notes = metrics.notes if note is None else (*metrics.notes, note)
+    return replace(metrics, notes=notes, protocol={**metrics.protocol, **protocol})
 
 
 def evaluate_run(folder: Path) -> RunMetrics | None:
@@ -215,6 +224,21 @@ def _read_stamped(path: Path) -> tuple[Array, Array]:
     if stamps is None:
         raise InputError(f"{path}: has no stamps; TUM's format is expected (stamp tx ty tz qx qy qz qw)")
     return stamps, poses
+
+
+def _other_order(theirs: Trajectory, stamps: Array | None, e: Array, T_camera0_lidar: Array | None) -> str | None:
+    """The order of the reference's quaternions, where the estimate agrees with another one than they are read in."""
+    if stamps is not None and theirs.stamps is not None:
+        ours, pairs = associate(stamps, theirs.stamps)
+    else:
+        ours = pairs = np.arange(len(e) if len(e) == len(theirs.poses) else 0)
+    if not theirs.readings or len(ours) < 2:
+        return None
+    readings = {order: read[pairs] for order, read in theirs.readings.items()}
+    if T_camera0_lidar is not None:
+        readings = {order: into_lidar_frame(read, T_camera0_lidar) for order, read in readings.items()}
+    agreeing = orders_by_odometry(readings, e[ours])
+    return agreeing[0] if agreeing and (theirs.order or "xyzw") not in agreeing else None
 
 
 def _coverage(paired: int, frames: int) -> str:

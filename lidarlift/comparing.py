@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lidarlift.folders import require_apart
 from lidarlift.front_ends import FEW_RINGS, TRAINING_FREE, input_name, opened, with_runnable_enricher
 from lidarlift.reporting import Quiet, Reporter
 from lidarlift.running import run_into
@@ -102,13 +103,14 @@ def compare_into(
     """A run folder for each row, compare.json and compare.md beside them; `on_row` is called when a row is done.
 
     Raises:
-        InputError: As `lidarlift.run`, and before any work where a folder cannot be written.
+        InputError: As `lidarlift.run`, and before any work where a folder cannot be written, or is the drive's own.
     """
     from eval.compare import compare_runs
     from eval.evaluation import write_json
     from eval.tables import comparison_markdown
 
     folders = {row: folder / row for row in rows}
+    require_apart(folder, data)
     for each in folders.values():
         require_writable(each)
     for row, settings in rows.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from slam.data.problem import Problem
 
 LOOKED_AT = 12  # scans, evenly spread
-FEW_RINGS = 32  # that are worth filling in
+FEW_RINGS, MANY_RINGS = 32, 64  # that are worth filling in; of which 16 can be taken, and filled in, to compare
 ALIKE = 0.6  # deg: a ring's median elevation from a sensor's line, at most as a median over the rings
 HOLE = 1.5  # of the usual step between stamps
 
@@ -88,7 +88,12 @@ class Info:
 
 
 def info(
-    path: str | Path, *, sequence: str | None = None, sensor: str | Path | None = None, every_scan: bool = False
+    path: str | Path,
+    *,
+    sequence: str | None = None,
+    sensor: str | Path | None = None,
+    columns: str | None = None,
+    every_scan: bool = False,
 ) -> Info:
     """Look into a data set: open it and read some of its scans.
 
@@ -96,6 +101,7 @@ def info(
         path: What `open_dataset` takes.
         sequence: Which sequence or drive, where the folder has several.
         sensor: The LiDAR's name or a YAML file with its beams, where the folder does not say.
+        columns: What the numbers of .bin and .npy scans are, as `open_dataset` takes it.
         every_scan: Read all of its scans, so that all damage is found.
 
     Raises:
@@ -109,7 +115,7 @@ def info(
     from slam.data.dataset import open_dataset
     from slam.data.stamps import usual_step
 
-    data = open_dataset(path, sequence, sensor)
+    data = open_dataset(path, sequence, sensor, columns=columns)
     chosen = np.arange(len(data)) if every_scan else np.linspace(0, len(data) - 1, LOOKED_AT).round().astype(int)
     looks = [_look(data, int(position)) for position in np.unique(chosen)]
     full = [look for look in looks if look.points] or looks[:1]
@@ -146,7 +152,7 @@ def info(
         truth=truth,
         truth_m=truth_m,
         problems=_kinds([*data.problems, *(problem for look in looks for problem in look.problems)]),
-        commands=_commands(path, sequence, sensor or looks_like, rings),
+        commands=_commands(path, {"sequence": sequence, "sensor": sensor or looks_like, "columns": columns}, rings),
     )
 
 
@@ -251,14 +257,13 @@ def _kinds(problems: Sequence[Problem]) -> tuple[tuple[str, int, str], ...]:
     return tuple((kind, len(messages), messages[0]) for kind, messages in kinds.items())
 
 
-def _commands(path: str | Path, sequence: str | None, sensor: str | Path | None, rings: int | None) -> tuple[str, ...]:
+def _commands(path: str | Path, options: Mapping[str, object], rings: int | None) -> tuple[str, ...]:
     """To run it, and to have it filled in where that can be done."""
-    options = (("--sequence", sequence), ("--sensor", sensor))
-    given = "".join(f" {option} {shlex.quote(str(value))}" for option, value in options if value)
+    given = "".join(f" --{name} {shlex.quote(str(value))}" for name, value in options.items() if value)
     drive = f"{shlex.quote(str(path))}{given}"
     commands = [f"lidarlift run {drive}"]
     if rings is not None and rings <= FEW_RINGS:
         commands.append(f"lidarlift run {drive} --input enriched")
-    elif rings is not None and 2 * FEW_RINGS * 0.8 < rings <= 2 * FEW_RINGS:
+    elif rings == MANY_RINGS:
         commands.append(f"lidarlift compare {drive}")
     return tuple(commands)

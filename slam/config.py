@@ -13,6 +13,7 @@ import yaml
 from pydantic import ValidationError
 
 from slam.data.errors import InputError
+from slam.data.yaml_text import parsed
 from slam.settings import Config, Settings
 
 #: Presets and settings of earlier versions, and what is instead.
@@ -80,9 +81,9 @@ def _read(source: str | Path) -> dict[str, Any]:
         raise InputError(f"{source}: no such file and no preset; presets are {', '.join(preset_names())}")
     try:
         text = path.read_text(encoding="utf-8") if path.is_file() or preset is None else preset.read_text("utf-8")
-        values = yaml.safe_load(text) or {}
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{source}: not YAML: {' '.join(str(error).split())}") from error
+        values = parsed(text) or {}
+    except ValueError as error:  # of text that is not UTF-8 too
+        raise InputError(f"{source}: not YAML: {error}") from error
     if not isinstance(values, dict):
         raise InputError(f"{source}: sections such as 'odometry:' expected, found {type(values).__name__}")
     return values
@@ -94,8 +95,8 @@ def _set(values: dict[str, Any], override: str) -> None:
     try:
         for section in sections:
             values = values.setdefault(section, {})
-        values[leaf] = yaml.safe_load(text)
-    except (yaml.YAMLError, AttributeError, TypeError) as error:
+        values[leaf] = parsed(text)
+    except (ValueError, AttributeError, TypeError) as error:
         raise InputError(f"--set {override}: write section.key=value, as in odometry.voxel_size=1.0") from error
     if not equals or not leaf or not text.strip():
         raise InputError(f"--set {override}: write section.key=value, as in odometry.voxel_size=1.0")

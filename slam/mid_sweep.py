@@ -79,7 +79,9 @@ class MidSweepOdometry:
         first, *later = steps
         velocity = later[0].velocity if later else first.velocity
         self._T_world_middle = se3.exp((self._middle or 0.0) * velocity)
-        return tuple(self._moved(step, self._T_world_middle) for step in (replace(first, velocity=velocity), *later))
+        steps = (replace(first, velocity=velocity), *later)
+        begin, *others = (self._moved(step, self._T_world_middle) for step in steps)
+        return (replace(begin, pose=first.pose), *others)  # the identity, to the last bit
 
     def _moved(self, step: OdometryStep, T_world_middle: Array) -> OdometryStep:
         """A step from the middle of its sweep to its stamp."""

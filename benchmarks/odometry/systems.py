@@ -10,6 +10,7 @@ from benchmarks.odometry.names import GENZ, OURS
 from slam.config import load_config
 from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset
+from slam.mid_sweep import MidSweepOdometry
 from slam.odometry import Odometry, OdometryStep
 from slam.pipeline import sweep_duration
 from slam.settings import Config, OdometrySettings
@@ -71,9 +72,10 @@ def build(name: str, channels: str, dataset: Dataset, sweeps: int = 1) -> System
     return Theirs(name, dataset, sweeps)
 
 
-def our_odometry(settings: OdometrySettings, dataset: Dataset) -> Odometry:
+def our_odometry(settings: OdometrySettings, dataset: Dataset) -> MidSweepOdometry:
     """As `lidarlift run` sets it up for the data set."""
-    return Odometry(settings, sweep_duration=sweep_duration(dataset), vertical_correction=vertical_correction(dataset))
+    about = {"sweep_duration": sweep_duration(dataset), "vertical_correction": vertical_correction(dataset)}
+    return MidSweepOdometry(Odometry(settings, **about))
 
 
 def vertical_correction(dataset: Dataset) -> float:

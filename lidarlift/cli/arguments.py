@@ -32,6 +32,10 @@ DatasetArgument = Annotated[Path, typer.Argument(help="A KITTI odometry or raw f
 SequenceOption = Annotated[str | None, typer.Option(help="Which sequence or drive, where the folder has several.")]
 FramesOption = Annotated[str, typer.Option(help="A slice of the drive, FROM:TO or FROM:TO:STEP.")]
 SensorOption = Annotated[str | None, typer.Option(help=f"{', '.join(SENSORS.names())} or a YAML file with the beams.")]
+ColumnsOption = Annotated[
+    str | None,
+    typer.Option(help="What the numbers of .bin and .npy scans are, if not x,y,z,intensity: x,y,z,intensity,ring,t:u4"),
+]
 ConfigOption = Annotated[str | None, typer.Option(help=f"A YAML file or a preset: {', '.join(preset_names())}.")]
 SetOption = Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")]
 StrictOption = Annotated[bool, typer.Option("--strict", help="Stop at the first damage in the data.")]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lidarlift.cli.arguments import (
+    ColumnsOption,
     ConfigOption,
     DatasetArgument,
     EnricherOption,
@@ -38,6 +39,7 @@ def compare(
     sensor: SensorOption = None,
     stamp: StampOption = None,
     point_time: PointTimeOption = None,
+    columns: ColumnsOption = None,
     out: Annotated[Path | None, typer.Option(help="The folder for the runs. Default: runs/NAME-compared.")] = None,
     strict: StrictOption = False,
 ) -> None:
@@ -49,7 +51,8 @@ def compare(
     """
     from slam.data.dataset import open_dataset
 
-    data = open_dataset(dataset, sequence, sensor, stamp=stamp and stamp.value, point_time=point_time)
+    said = {"stamp": stamp and stamp.value, "point_time": point_time, "columns": columns}
+    data = open_dataset(dataset, sequence, sensor, **said)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
     rows, chosen = rows_for(inputs_of(data), enricher, config, set_ or ()), frame_slice(frames)
     comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)

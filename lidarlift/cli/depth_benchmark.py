@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarlift.cli.arguments import FramesOption, SensorOption, SequenceOption, frame_slice
+from lidarlift.cli.arguments import ColumnsOption, FramesOption, SensorOption, SequenceOption, frame_slice
 from lidarlift.cli.console import progress
 from slam.data.atomic import require_writable
 
@@ -24,6 +24,7 @@ def depth_benchmark(
     sequence: SequenceOption = None,
     frames: FramesOption = ":",
     sensor: SensorOption = None,
+    columns: ColumnsOption = None,
     phase: Annotated[int, typer.Option(min=0, max=3, help="The first ring that is kept; then every fourth.")] = 0,
     method: Annotated[list[str] | None, typer.Option(help="Only this one; may be given several times.")] = None,
     out: Annotated[Path, typer.Option(help="The folder for the figures.")] = Path("runs/depth"),
@@ -46,7 +47,7 @@ def depth_benchmark(
     if is_depth_map_folder(dataset):
         report = _of_depth_maps(dataset, method or (), chosen)
     else:
-        report = _of_drive(open_dataset(dataset, sequence, sensor), method or (), chosen, phase)
+        report = _of_drive(open_dataset(dataset, sequence, sensor, columns=columns), method or (), chosen, phase)
     write_json(out / "depth.json", report.as_dict())
     written = ["depth.json"]
     if any(each.full for each in report.methods.values()):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lidarlift.cli.arguments import (
+    ColumnsOption,
     ConfigOption,
     DatasetArgument,
     EnricherOption,
@@ -46,6 +47,7 @@ def enrich(
     set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: front_end.coverage=0.8")] = None,
     frames: FramesOption = ":",
     sensor: SensorOption = None,
+    columns: ColumnsOption = None,
 ) -> None:
     """Write the scans of 16 rings, with the rest of about 64 filled in; each point with its sigma.
 
@@ -57,7 +59,7 @@ def enrich(
     from slam.data.dataset import open_dataset
     from slam.data.images import found_in_reading
 
-    data, chosen = open_dataset(dataset, sequence, sensor), frame_slice(frames)
+    data, chosen = open_dataset(dataset, sequence, sensor, columns=columns), frame_slice(frames)
     require_apart(out, data)
     require_writable(out)
     dense = enriched(data, enricher=enricher, config=config, overrides=set_ or (), frames=chosen)

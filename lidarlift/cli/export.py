@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lidarlift.cli.console import messages
 from slam.data.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ class Format(StrEnum):
     TUM = "tum"
     PCD = "pcd"
     PLY = "ply"
+    LAS = "las"
+    LAZ = "laz"
 
 
 class Axes(StrEnum):
@@ -30,7 +33,8 @@ def export(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A folder that `lidarlift run` wrote.")],
     out: Annotated[Path, typer.Argument(help="The file to write.")],
     format: Annotated[
-        Format | None, typer.Option(help="kitti or tum: the trajectory; pcd or ply: the map. Default: by the suffix.")
+        Format | None,
+        typer.Option(help="kitti or tum: the trajectory; pcd, ply, las or laz: the map. Default: by the suffix."),
     ] = None,
     frame: Annotated[
         Axes, typer.Option(help="lidar: x forward, z up, as in the run; camera: KITTI's camera 0, z forward.")
@@ -68,8 +72,8 @@ def _new_axes(folder: Path, frame: Axes) -> Array:
 
 def _format_of(out: Path) -> Format:
     suffix = out.suffix.lower().removeprefix(".")
-    if suffix not in ("pcd", "ply"):
-        raise InputError(f"{out}: say what to write, --format kitti, tum, pcd or ply")
+    if suffix not in ("pcd", "ply", "las", "laz"):
+        raise InputError(f"{out}: say what to write, --format kitti, tum, pcd, ply, las or laz")
     return Format(suffix)
 
 
@@ -89,9 +93,13 @@ def _export_map(folder: Path, out: Path, T: Array) -> None:
     import numpy as np
 
     from slam.data.cloud import PointCloud
-    from slam.data.point_files import read_points
+    from slam.data.point_files import read_cloud
     from slam.data.point_writer import write_points
 
-    points = read_points(folder / "map.pcd")
+    points = read_cloud(folder / "map.pcd")
+    for problem in points.problems:
+        if problem.kind == "missing scan":
+            raise InputError(problem.message)
+        messages.print(f"Note: {problem.message}", style="yellow", markup=False)
     intensity = np.zeros(len(points.xyz)) if points.intensity is None else points.intensity
     write_points(out, PointCloud(points.xyz, intensity, colour=points.colour).transformed(T))

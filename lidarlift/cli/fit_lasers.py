@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarlift.cli.arguments import FramesOption, SequenceOption, frame_slice
+from lidarlift.cli.arguments import ColumnsOption, FramesOption, SequenceOption, frame_slice
 from lidarlift.cli.console import messages, progress
 from slam.data.atomic import require_writable
 from slam.data.errors import InputError
@@ -28,6 +28,7 @@ def fit_lasers(
         typer.Option(min=2, help="How many lasers the sensor has. Default: what the data set or most scans say."),
     ] = None,
     frames: FramesOption = ":",
+    columns: ColumnsOption = None,
     out: Annotated[Path, typer.Option(help="The file to write; it must not exist yet.")] = Path("sensor.yaml"),
 ) -> None:
     """Fit elevation and height of each laser to raw scans, for a sensor.yaml: place it beside the scans.
@@ -46,7 +47,7 @@ def fit_lasers(
     if out.exists():
         raise InputError(f"{out}: exists already; choose another --out, or move it away")
     require_writable(out.parent)
-    data = open_dataset(dataset, sequence)
+    data = open_dataset(dataset, sequence, columns=columns)
     positions = chosen_positions(data, frame_slice(frames))
     with progress(f"{data.name}: reading scans", len(positions)) as advance:
         lines, problems = fit_dataset(data, positions, rings, advance)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarlift.cli.arguments import DatasetArgument, SensorOption, SequenceOption
+from lidarlift.cli.arguments import ColumnsOption, DatasetArgument, SensorOption, SequenceOption
 
 if TYPE_CHECKING:
     from lidarlift.inspecting import Info
@@ -25,6 +25,7 @@ def info(
     dataset: DatasetArgument,
     sequence: SequenceOption = None,
     sensor: SensorOption = None,
+    columns: ColumnsOption = None,
     every_scan: Annotated[bool, typer.Option("--all", help="Read all of its scans, not a dozen.")] = False,
     json_: Annotated[bool, typer.Option("--json", help="The same as JSON.")] = False,
 ) -> None:
@@ -38,10 +39,10 @@ def info(
     from slam.data.dataset import drives_in
 
     names = drives_in(dataset)
-    if sequence is None and len(names) > 1:
+    if sequence is None and len(names) > 1 and not json_:
         print(_several(dataset, names))
         return
-    found = look(dataset, sequence=sequence, sensor=sensor, every_scan=every_scan)
+    found = look(dataset, sequence=sequence, sensor=sensor, columns=columns, every_scan=every_scan)
     print(json.dumps(asdict(found), indent=2, default=str) if json_ else page(found))
 
 
@@ -99,7 +100,7 @@ def _camera(info: Info) -> str:
     if not info.images:
         return "calibrated, but no images" if info.calibrated else "none"
     size = f" of {info.image_size[0]} x {info.image_size[1]} pixels" if info.image_size else ""
-    return f"images for {info.images} of {info.scans} scans{size}, {'' if info.calibrated else 'not '}calibrated"
+    return f"images{size} for {info.images} of {info.scans} scans, {'' if info.calibrated else 'not '}calibrated"
 
 
 def _several(path: Path, names: list[str]) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from lidarlift.cli.arguments import (
+    ColumnsOption,
     ConfigOption,
     DatasetArgument,
     EnricherOption,
@@ -37,6 +38,7 @@ def run(
     sensor: SensorOption = None,
     stamp: StampOption = None,
     point_time: PointTimeOption = None,
+    columns: ColumnsOption = None,
     odometry: Annotated[
         Path | None,
         typer.Option(help="LiDAR poses of another odometry instead, one a scan, KITTI or TUM format."),
@@ -52,7 +54,8 @@ def run(
     from slam.data.dataset import open_dataset
     from slam.session import read_report
 
-    data = open_dataset(dataset, sequence, sensor, stamp=stamp and stamp.value, point_time=point_time)
+    said = {"stamp": stamp and stamp.value, "point_time": point_time, "columns": columns}
+    data = open_dataset(dataset, sequence, sensor, **said)
     chosen = settings_for(data.sensor, input and input.value, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict)

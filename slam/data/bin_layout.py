@@ -8,10 +8,8 @@ variance of the numbers' ranks lies between the columns (eta squared).
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
@@ -45,11 +43,6 @@ class Layout:
     def names(self) -> list[str]:
         """The names in the order of the columns."""
         return [name for name, _ in self.columns]
-
-    @property
-    def stride(self) -> int:
-        """Bytes of a point."""
-        return sum(kind.itemsize for _, kind in self.columns)
 
     def __str__(self) -> str:
         return ", ".join(name if kind == "<f4" else f"{name}:{kind.str[1:]}" for name, kind in self.columns)
@@ -98,18 +91,21 @@ def read_bin(file: BinaryIO, size: int, wanted: Collection[str], layout: Layout)
     return content
 
 
-def told_layout(files: Iterable[Path]) -> Layout:
-    """The layout of .bin files by the numbers in some of them; KITTI's where there are none.
+def told_layout(files: Iterable[BinaryIO]) -> Layout:
+    """The layout of .bin files by the numbers in some of them, which stand at their beginning afterwards; KITTI's where
+    there are none.
 
     Raises UnreadableError where none is plausible.
     """
     samples = []
-    for path in files:
-        with contextlib.suppress(OSError), path.open("rb") as file:
-            data = file.read(LOOKED_AT)
-            some = np.frombuffer(data, "<f4", len(data) // 4)
-            if len(some) >= 3 and (np.isfinite(some) & (some != 0)).any():
-                samples.append((data, path.stat().st_size))
+    for file in files:
+        size = file.seek(0, 2)
+        file.seek(0)
+        data = file.read(LOOKED_AT)
+        file.seek(0)
+        some = np.frombuffer(data, "<f4", len(data) // 4)
+        if len(some) >= 3 and (np.isfinite(some) & (some != 0)).any():
+            samples.append((data, size))
     layout = layout_of(samples) if samples else KITTI
     if layout is None:
         raise UnreadableError(
@@ -153,7 +149,7 @@ def _score(samples: Sequence[tuple[bytes, int]], kind: np.dtype, width: int) -> 
 
 
 def _tables(samples: Sequence[tuple[bytes, int]], kind: np.dtype, width: int) -> Array:
-    return np.concatenate([_table(data, kind, width) for data, _ in samples])
+    return np.concatenate([table for data, _ in samples if _plausible(table := _table(data, kind, width))])
 
 
 def _table(data: bytes, kind: np.dtype, width: int) -> Array:

@@ -74,7 +74,7 @@ class Loader(Protocol):
     def __call__(self, path: Path, sensor: str | Path | None, **said: Any) -> Dataset:
         """The data set of a drive; `sensor` overrides what its folder says (see `load_sensor`).
 
-        A loader may take `stamp` and `point_time` by name, as `open_dataset` does.
+        A loader may take `stamp`, `point_time` and `columns` by name, as `open_dataset` does.
         """
         ...
 
@@ -108,6 +108,7 @@ def open_dataset(
     *,
     stamp: str | None = None,
     point_time: str | None = None,
+    columns: str | None = None,
 ) -> Dataset:
     """The drive in a folder: a data set that is known by its folders, a kind that another package adds, or a folder of
     scans.
@@ -120,11 +121,13 @@ def open_dataset(
         stamp: The instant of a sweep that the stamps belong to, 'start', 'middle' or 'end'; by default sensor.yaml's
             or what the points' times tell.
         point_time: The field with the points' times, FIELD or FIELD:UNIT ('t:ns'); by default likewise.
+        columns: What the numbers in the .bin or .npy scans of a folder are, as in 'x,y,z,intensity,ring,time': float32,
+            or of the type behind a colon, 't:u4'; '_' for one of no use. By default the numbers have to tell.
 
     Raises:
         InputError: Nothing fits, the message says what was looked for; or the data set does not take an option.
     """
-    said = {"stamp": stamp, "point_time": point_time}
+    said = {"stamp": stamp, "point_time": point_time, "columns": columns}
     path, loader, found = _drives(path)
     return loader(_pick(path, found, sequence), sensor, **_taken(loader, path, said))
 
@@ -151,6 +154,8 @@ def _drives(path: str | Path) -> tuple[Path, Loader, dict[str, Path]]:
         layouts.append(loader.LAYOUT)
     if path.is_file():
         raise InputError(f"{path}: is a file, not a folder with scans; name the folder of a drive")
+    if below := [str(child) for child in sorted(path.iterdir()) if child.is_dir() and loader.drives(child)]:
+        raise InputError(f"{path}: no drive found here, but scans in {', '.join(below[:3])}; name that folder")
     raise InputError(f"{path}: no drive found; looked for {', '.join(layouts[:-1])} and {layouts[-1]}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -35,18 +36,17 @@ def reading_of(files: Sequence[Path], columns: str | None = None) -> tuple[Readi
 
 
 def first_of(files: Sequence[Path], reading: Reading) -> Points:
-    """The first scan that can be read. Raises InputError where none of the first FIRST can."""
-    found = []
+    """The first of some scans that has points. Raises InputError where none of the first FIRST can be read."""
+    unreadable = list[Problem]()
     for path in files[:FIRST]:
-        found.append(read_points(path, reading))
-        if not any(problem.kind == "missing scan" for problem in found[-1].problems):
-            return found[-1]
-    raise InputError(found[0].problems[0].message.replace("; no points used", "") + _likewise(files))
-
-
-def _likewise(files: Sequence[Path]) -> str:
-    more = min(len(files), FIRST) - 1
-    return f"; nor can the next {more}" if more else ""
+        points = read_points(path, reading)
+        if len(points.xyz):
+            break
+        unreadable += [problem for problem in points.problems if problem.kind == "missing scan"]
+    if len(unreadable) == len(files[:FIRST]):
+        others = f"; nor can the next {len(unreadable) - 1}" if len(unreadable) > 1 else ""
+        raise InputError(unreadable[0].message.replace("; no points used", "") + others)
+    return points
 
 
 def _layout(files: Sequence[Path], columns: str | None) -> tuple[Layout | None, tuple[Problem, ...]]:
@@ -57,10 +57,15 @@ def _layout(files: Sequence[Path], columns: str | None) -> tuple[Layout | None, 
         return parsed_columns(columns), ()
     if suffix != ".bin":
         return None, ()
-    try:
-        layout = told_layout(files[:FIRST])
-    except UnreadableError as error:
-        raise InputError(f"{files[0]}: {error}") from error
+    with contextlib.ExitStack() as stack:
+        opened = []
+        for path in files[:FIRST]:
+            with contextlib.suppress(OSError):
+                opened.append(stack.enter_context(path.open("rb")))
+        try:
+            layout = told_layout(opened)
+        except UnreadableError as error:
+            raise InputError(f"{files[0]}: {error}") from error
     if layout == KITTI:
         return layout, ()
     text = f"{files[0].parent}: by the numbers in them a point is {layout}; if it is not, say so with --columns"

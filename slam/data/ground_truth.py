@@ -161,7 +161,7 @@ def _by_time(file: Path, trajectory: Trajectory, stamps: Array) -> _Match | Grou
         theirs, ours = (f"{at[0]:.3f} to {at[-1]:.3f} s" for at in (times, stamps))
         return _none(f"{file}: its stamps, {theirs}, share no time with the scans', {ours}; are they of one clock?")
     before, after, share = se3.neighbours(times, stamps)
-    hole = times[after] - times[before] > max(STEPS * float(np.median(np.diff(times))), HOLE)
+    hole = times[after] - times[before] > max(STEPS * float(np.median(np.diff(times))), HOLE) + ROUNDING
     near = [np.abs(stamps - times[at]) <= ROUNDING for at in (before, after)]  # a row of its own: no way to go
     before, after = np.where(near[1], after, before), np.where(near[0], before, after)
     return _Match(rows[before], rows[after], share, inside, hole & ~near[0] & ~near[1], tuple(problems))

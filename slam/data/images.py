@@ -98,8 +98,10 @@ def image_folder(path: Path) -> Path | None:
 def matched_images(
     folder: Path, scans: Sequence[Path], stamps: Array, known_times: bool, unit: str | None = None
 ) -> tuple[Path | None, list[ImageFile | None], tuple[Problem, ...]]:
-    """For each scan its image: the nearest in time, within half a scan's period, where the images have a times.txt or
-    are named by their stamps; else its namesake, or the one of its number.
+    """For each scan its image.
+
+    Where the images have a times.txt, that is the nearest in time, within half a scan's period; else its namesake, or
+    the one of its number; else the nearest by the stamps in their names.
 
     Args:
         folder: The images' folder.
@@ -114,12 +116,16 @@ def matched_images(
     """
     files = (file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES and file.name[0] != ".")
     names = in_order(list(files), unit)
-    images, taken = names.files, names.stamps
+    images = names.files
     problems: tuple[Problem, ...] = ()
     times = next((folder / name for name in TIME_FILES if (folder / name).is_file()), None)
-    if images and times is not None and (read := read_stamps(times, images, names.numbers)):
-        taken, problems = read.seconds, read.problems
-    found = _by_name(images, scans) if taken is None or not known_times else nearest_images(images, taken, stamps)
+    read = read_stamps(times, images, names.numbers) if images and times is not None and known_times else None
+    if read is not None:
+        found, problems = nearest_images(images, read.seconds, stamps), read.problems
+    else:
+        found = _by_name(images, scans)
+        if not any(found) and names.stamps is not None and known_times:
+            found = nearest_images(images, names.stamps, stamps)
     if any(found):
         bits = bits_in_use(images)
         return folder, [None if image is None else ImageFile(image, bits) for image in found], problems

@@ -33,6 +33,9 @@ def read_las(file: BinaryIO, size: int, wanted: Collection[str], path: Path) -> 
         reader = laspy.LasReader(file, closefd=False, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False)
         header = reader.header
         kind = header.point_format.dtype()
+        if header.are_points_compressed and header.point_count:
+            _check_items(header.vlrs[header.vlrs.index("LasZipVlr")].record_data, kind.itemsize)
+            _check_chunks(file, size, header.offset_to_point_data)
     except UnreadableError:
         raise
     except Exception as error:  # laspy raises what Python happens to on headers that are none
@@ -88,6 +91,34 @@ def _check_sizes(header: bytes, size: int) -> None:
         raise UnreadableError("damaged: its header says more than the file has")
 
 
+#: What the layers of a .laz point are, by LASzip's numbers, and their bytes; None for any.
+ITEMS = {0: None, 6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29, 14: None}
+
+
+def _check_items(record: bytes, size: int) -> None:
+    """The same of the parts that a .laz point of `size` bytes is packed as: lazrs panics where they do not fit."""
+    count = int.from_bytes(record[32:34], "little")
+    items = [record[at : at + 6] for at in range(34, 34 + 6 * count, 6)]
+    kinds, sizes = ([int.from_bytes(item[at : at + 2], "little") for item in items] for at in (0, 2))
+    known = all(ITEMS.get(kind, 0) in (None, each) for kind, each in zip(kinds, sizes, strict=True))
+    if not (items and known and sum(sizes) == size):
+        raise UnreadableError("damaged: its points are packed in an unknown way")
+
+
+def _check_chunks(file: BinaryIO, size: int, start: int) -> None:
+    """The same of the table of chunks in a .laz file. lazrs takes memory for as many as it names, and aborts."""
+    for place in (start, size - 8):  # the table's place stands before the points, or at the end where it was streamed
+        file.seek(place)
+        at = int.from_bytes(file.read(8), "little", signed=True)
+        if at != -1:
+            break
+    file.seek(max(0, at))
+    table = file.read(8)
+    if not start < at <= size - 8 or int.from_bytes(table[4:], "little") > size:
+        raise UnreadableError("damaged: its table of chunks cannot be read")
+    file.seek(start)
+
+
 def _unpacked(reader: laspy.LasReader, content: Content) -> Iterator[Block]:
     """The points of a .laz file, as far as it can be unpacked."""
     read, promised = 0, reader.header.point_count
@@ -110,5 +141,6 @@ def _scaled(tables: Iterator[Any], used: dict[str, str], header: Any) -> Iterato
         block: dict[str, Array] = {name: table[own] for name, own in used.items()}
         for axis, scale, offset in zip("xyz", header.scales, header.offsets, strict=True):
             if axis in block:
-                block[axis] = block[axis] * scale + offset
+                with np.errstate(over="ignore", invalid="ignore"):  # of a damaged header
+                    block[axis] = block[axis] * scale + offset
         yield block

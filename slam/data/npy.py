@@ -52,8 +52,10 @@ def columns_of(table: Array, wanted: Collection[str], columns: Sequence[str] | N
     Raises:
         UnreadableError: The array is of another shape or type.
     """
-    if table.size == 0 and not table.dtype.names:
-        return Content(USUAL[:3], 0, iter(()))
+    if table.dtype.names and columns is not None:
+        raise UnreadableError("its fields have names; leave --columns out")
+    if table.size == 0:
+        return Content([name.lower() for name in table.dtype.names or USUAL[:3]], 0, iter(()))
     found = dict[str, Array]()
     if table.dtype.names:
         for name in table.dtype.names:
@@ -69,9 +71,7 @@ def columns_of(table: Array, wanted: Collection[str], columns: Sequence[str] | N
         found = {name: table[..., at].ravel() for at, name in enumerate(names) if name in wanted}
         organised, count = table.ndim > 2, table.size // len(names)
     content = Content(names, count, _blocks({name: found[name] for name in found if name in wanted}, count), organised)
-    lost = [name for name in names if name in wanted and name not in found]
-    if lost:
-        content.faults.append(("unusable field", f"{', '.join(lost)}: not a number a point; left out"))
+    content.left_out([name for name in names if name in wanted and name not in found])
     return content
 
 
@@ -82,7 +82,7 @@ def _blocks(columns: Mapping[str, Array], count: int) -> Iterator[Block]:
 
 def _numbers(values: Array, dimensions: int) -> Array | None:
     """A field as (N,) numbers, dates as counts of their unit; None where it is something else."""
-    if values.size == 0 or (values.ndim > dimensions and values.size != math.prod(values.shape[:dimensions])):
+    if values.ndim > dimensions and values.size != math.prod(values.shape[:dimensions]):
         return None
     if values.dtype.kind in "mM":
         values = values.view(values.dtype.str[0] + "i8")

@@ -25,12 +25,14 @@ class Header:
         fields: Name in lower case, type letter, bytes of an element, number of elements; '_' is padding, and any
             number of fields may have that name.
         count: How many points there are to be.
+        width: Points of a row, or of all.
         height: Rows of an organised cloud, else 1.
         data: 'ascii', 'binary' or 'binary_compressed'.
     """
 
     fields: tuple[tuple[str, str, int, int], ...]
     count: int
+    width: int
     height: int
     data: str
 
@@ -41,9 +43,7 @@ class Header:
 
 
 def read_pcd(file: BinaryIO, size: int, wanted: Collection[str]) -> Content:
-    """The `wanted` columns of a .pcd file of `size` bytes.
-
-    Columns that are no single number a point are left out.
+    """The `wanted` columns of a .pcd file of `size` bytes. VIEWPOINT is not used: points stay in the file's frame.
 
     Raises:
         UnreadableError: It is no .pcd file, or holds no points.
@@ -58,6 +58,10 @@ def read_pcd(file: BinaryIO, size: int, wanted: Collection[str]) -> Content:
         at, word = at + bytes_ * elements, word + elements
     left = size - file.tell()
     content = Content(names, 0, iter(()), header.height > 1)
+    content.left_out([name for name in dict.fromkeys(names) if name in wanted and name not in places])
+    if header.count != header.width * header.height:
+        text = f"its header says POINTS {header.count}, but WIDTH {header.width} and HEIGHT {header.height}"
+        content.faults.append(("odd header", f"{text}; POINTS is believed"))
     if header.data == "ascii":
         content.count = min(header.count, left // (2 * word) + 1)
         content.blocks = Columns(words, word).text(file, header.count, content)
@@ -97,7 +101,8 @@ def read_header(file: BinaryIO) -> Header:
     letters = [word.upper() for word in entries.get("TYPE", ["F"] * len(names))]
     if not len(names) == len(sizes) == len(letters) == len(counts):
         raise UnreadableError("its header has not as many SIZE, TYPE and COUNT as FIELDS")
-    width, height = (_single(entries, entry, 1) for entry in ("WIDTH", "HEIGHT"))
+    height = _single(entries, "HEIGHT", 1)
+    width = _single(entries, "WIDTH", _single(entries, "POINTS", 0) // max(height, 1))
     data = " ".join(entries["DATA"][:1]).lower()
     if data not in ("ascii", "binary", "binary_compressed"):
         raise UnreadableError(f"its header says DATA {data[:20]}")
@@ -106,6 +111,7 @@ def read_header(file: BinaryIO) -> Header:
     header = Header(
         tuple(zip(names, letters, sizes, counts, strict=True)),
         _single(entries, "POINTS", width * height),
+        width,
         height,
         data,
     )
@@ -174,6 +180,8 @@ def _whole_points(header: Header, size: int) -> int:
 def _by_column(
     decoded: bytes, header: Header, places: Mapping[str, tuple[int, np.dtype]], count: int
 ) -> Iterator[Block]:
+    if not count:
+        return
     columns: dict[str, Array] = {
         name: np.frombuffer(decoded, kind, count, at * header.count) for name, (at, kind) in places.items()
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from itertools import islice
@@ -71,7 +73,7 @@ def read_ply(file: BinaryIO, size: int, wanted: Collection[str]) -> Content:
     least = 2 * len(vertex.properties) if not order else vertex.stride or _least(vertex)
     content.count = min(vertex.count, left // least + (not order))
     if vertex.stride is None:
-        rows = _rows(file, vertex) if order else _rows_of_text(file, vertex)
+        rows = (row for row, _ in _rows(file.read(), vertex, order)) if order else _rows_of_text(file, vertex)
         content.blocks = _with_lists(rows, vertex, wanted, content)
     elif not order:
         words = {each.name: (at, each.kind) for at, each in reversed([*enumerate(vertex.properties)])}
@@ -97,7 +99,7 @@ def read_header(file: BinaryIO) -> tuple[str, list[Element]]:
                 continue
             case ["end_header"]:
                 break
-            case ["format", name, *_] if name in FORMATS:
+            case ["format", name, *_] if name in FORMATS and not elements:
                 order = FORMATS[name]
             case ["element", name, count]:
                 elements.append(Element(name.lower(), whole_number(count, f"element {name[:20]}")))
@@ -141,8 +143,9 @@ def _skip(file: BinaryIO, element: Element, order: str, size: int) -> None:
     elif element.stride is not None:
         file.seek(min(size, file.tell() + element.count * element.stride))
     else:
-        for _ in islice(_rows(file, element), element.count):
-            pass
+        start = file.tell()
+        ends = (end for _, end in islice(_rows(file.read(), element, order), element.count))
+        file.seek(start + max(ends, default=0))
 
 
 Row = list[float]
@@ -159,33 +162,35 @@ def _with_lists(rows: Iterator[Row], vertex: Element, wanted: Collection[str], c
             break
         read += len(table)
         columns = zip(scalars, zip(*table, strict=True), strict=True)
-        yield {each.name: np.array(values).astype(each.kind) for each, values in columns if each.name in wanted}
+        with np.errstate(over="ignore"):
+            yield {each.name: np.array(values).astype(each.kind) for each, values in columns if each.name in wanted}
 
 
-def _rows(file: BinaryIO, element: Element) -> Iterator[Row]:
-    """The scalars of each, to the end of the file."""
-    while True:
-        row: Row = []
-        for each in element.properties:
-            data = file.read((each.length or each.kind).itemsize)
-            if len(data) < (each.length or each.kind).itemsize:
+def _rows(data: bytes, element: Element, order: str) -> Iterator[tuple[Row, int]]:
+    """The scalars of each, to the end of the data, and where the next begins."""
+    parts, scalars = [], ""
+    for each in element.properties:
+        if each.length is None:
+            scalars += each.kind.char.replace("l", "q").replace("L", "Q")
+        else:
+            length = struct.Struct(order + scalars + each.length.char.replace("l", "q").replace("L", "Q"))
+            parts.append((length, each.kind.itemsize))
+            scalars = ""
+    rest, at = struct.Struct(order + scalars), 0
+    with contextlib.suppress(struct.error):  # at the end of the data
+        while True:
+            row: Row = []
+            for length, size in parts:
+                *values, count = length.unpack_from(data, at)
+                row += values
+                if not 0 <= count < 1 << 62 or count != int(count):
+                    raise UnreadableError(f"damaged: a list of {count} numbers")
+                at += length.size + int(count) * size
+            row += rest.unpack_from(data, at)
+            at += rest.size
+            if at > len(data):
                 return
-            value = np.frombuffer(data, each.length or each.kind)[0].item()
-            if each.length is None:
-                row.append(value)
-            elif value < 0 or value != int(value):
-                raise UnreadableError(f"damaged: a list of {value} numbers")
-            elif not _passed(file, int(value) * each.kind.itemsize):
-                return
-        yield row
-
-
-def _passed(file: BinaryIO, size: int) -> bool:
-    """Go on by so many bytes. False where the file ends within them."""
-    if size:
-        file.seek(size - 1, 1)
-        return len(file.read(1)) == 1
-    return True
+            yield row, at
 
 
 def _rows_of_text(file: BinaryIO, element: Element) -> Iterator[Row]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -14,11 +15,11 @@ from slam.data.cloud import Array
 #: Some points: the columns (n,) that were asked for, by their names in lower case.
 Block = Mapping[str, Array]
 #: Bytes of a file that are looked at at once, and lines of text.
-BLOCK, LINES = 1 << 20, 1 << 14
+BLOCK, LINES = 1 << 18, 1 << 11
 #: Points of what is in memory as a whole that are looked at at once.
-AT_ONCE = 1 << 16
+AT_ONCE = 1 << 14
 #: A header of more bytes is none, nor is a longer line of text.
-LONGEST = 1 << 20
+LONGEST = 1 << 18
 #: Lines of text that may be damaged before a file is given up.
 DAMAGED_LINES = 1000
 
@@ -50,6 +51,11 @@ class Content:
         text = f"cut short; its first {whole} points of {promised} are used"
         self.faults.append(("truncated scan", text))
 
+    def left_out(self, names: Sequence[str]) -> None:
+        """Note the columns that were asked for and are not one number a point."""
+        if names:
+            self.faults.append(("unusable field", f"{', '.join(names)}: not one number a point; left out"))
+
 
 @dataclass(frozen=True)
 class Columns:
@@ -65,6 +71,10 @@ class Columns:
 
     def binary(self, file: BinaryIO, count: int) -> Iterator[Block]:
         """`count` points that lie in `file` one after another, from where it stands."""
+        if not count:
+            return
+        if self.stride > np.iinfo(np.int32).max:
+            raise UnreadableError(f"its points have {self.stride} bytes each")
         names = list(self.places)
         point = np.dtype(
             {
@@ -92,10 +102,10 @@ class Columns:
                 break
             if not lines[-1].endswith(b"\n") and (read + len(lines) < count or not self._whole(lines[-1])):
                 lines.pop()  # cut short, maybe in the middle of a number
-            for block, bad in self._parsed(lines, damaged):
-                damaged += bad
-                yield block
-            read += len(lines)
+            parts, bad = self._parsed(lines, DAMAGED_LINES - damaged)
+            if parts:
+                yield {name: np.concatenate([part[name] for part in parts]) for name in self.places}
+            read, damaged = read + len(lines), damaged + bad
         if read < count:
             content.cut_short(read - damaged, count)
         if damaged:
@@ -108,22 +118,22 @@ class Columns:
             return False
         return True
 
-    def _parsed(self, lines: list[bytes], damaged: int) -> Iterator[tuple[Block, int]]:
-        """Blocks of the lines, each with the number of lines left out; halves where something is wrong."""
-        waiting = [lines]
+    def _parsed(self, lines: list[bytes], bearable: int) -> tuple[list[Block], int]:
+        """The lines that are numbers, found by halving what has others among them; and how many of these there are, at
+        most as many as are `bearable`."""
+        waiting, parts, bad = [lines] if lines else [], list[Block](), 0
         while waiting:
-            part = waiting.pop()
+            some = waiting.pop()
             try:
-                if part:
-                    yield self._table(part), 0
+                parts.append(self._table(some))
             except ValueError:
-                if len(part) == 1:
-                    damaged += 1
-                    if damaged > DAMAGED_LINES:
-                        raise UnreadableError("its lines are not numbers") from None
-                    yield {name: np.zeros(0, kind) for name, (_, kind) in self.places.items()}, 1
-                else:
-                    waiting += [part[len(part) // 2 :], part[: len(part) // 2]]
+                if len(some) > 1:
+                    waiting += [some[len(some) // 2 :], some[: len(some) // 2]]
+                    continue
+                bad += 1
+                if bad > bearable:
+                    raise UnreadableError("its lines are not numbers") from None
+        return parts, bad
 
     def _table(self, lines: list[bytes]) -> Block:
         """Raises ValueError where a line does not have the numbers of a point."""
@@ -156,14 +166,12 @@ _F8 = np.dtype(np.float64)
 
 def _as_promised(values: Array, kind: np.dtype) -> Array:
     """Numbers in the type that the header names, where that holds them."""
-    if kind.kind == "f":
-        with np.errstate(over="ignore"):
-            return values.astype(kind)
-    if values.dtype.kind == "f":
-        limits = np.iinfo(kind)
-        whole = np.isfinite(values) & (values >= limits.min) & (values < float(limits.max) + 1) & (values % 1 == 0)
-        return values.astype(kind) if whole.all() else values
-    return values.astype(kind)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if kind.kind != "f" and values.dtype.kind == "f":
+            limits = np.iinfo(kind)
+            whole = (values >= limits.min) & (values < float(limits.max) + 1) & (values % 1 == 0)
+            return values.astype(kind) if whole.all() else values
+        return values.astype(kind)
 
 
 def lines_of(file: BinaryIO) -> Iterator[bytes]:
@@ -182,7 +190,7 @@ def header_lines(file: BinaryIO) -> Iterator[str]:
         read += len(line)
         if read >= LONGEST or b"\0" in line:
             break
-        yield line.decode("latin-1").strip()
+        yield line.removeprefix(codecs.BOM_UTF8).decode("latin-1").strip()
     raise UnreadableError("its header has no end")
 
 

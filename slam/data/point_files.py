@@ -121,19 +121,30 @@ def points_of(table: Array, name: Path) -> Points:
 def _read(path: Path, reading: Reading, everything: bool) -> Points:
     try:
         with path.open("rb") as file:
-            size = path.stat().st_size
-            if size == 0 and path.suffix.lower() != ".bin":
-                raise UnreadableError("nothing in it")
-            content = _content(file, size, path, reading)
-            content = content if reading.image is None else with_places(content, reading.image)
-            content = content if reading.axes is None else in_axes(content, reading.axes)
-            return _points(content, path, reading.offset, everything)
+            return points_in(file, path, reading, everything)
     except OSError as error:
         reason = "no such file" if isinstance(error, FileNotFoundError) else str(error.strerror or error)
+    return _unreadable(path, reason)
+
+
+def points_in(file: BinaryIO, path: Path, reading: Reading = Reading(), everything: bool = False) -> Points:
+    """The points of an open file: see `read_points`. `path` is for messages, and its suffix says what the file is."""
+    try:
+        size = file.seek(0, 2)
+        file.seek(0)
+        if size == 0 and path.suffix.lower() != ".bin":
+            raise UnreadableError("nothing in it")
+        content = _content(file, size, path, reading)
+        content = content if reading.image is None else with_places(content, reading.image)
+        content = content if reading.axes is None else in_axes(content, reading.axes)
+        return _points(content, path, reading.offset, everything)
     except UnreadableError as error:
-        reason = str(error)
+        return _unreadable(path, str(error))
     except MemoryError:
-        reason = "too large for the memory of this machine"
+        return _unreadable(path, "too large for the memory of this machine")
+
+
+def _unreadable(path: Path, reason: str) -> Points:
     problem = Problem("missing scan", f"{path}: cannot be read ({reason}); no points used")
     return Points(np.zeros((0, 3), np.float32), problems=(problem,))
 
@@ -141,8 +152,7 @@ def _read(path: Path, reading: Reading, everything: bool) -> Points:
 def _content(file: BinaryIO, size: int, path: Path, reading: Reading) -> Content:
     match path.suffix.lower():
         case ".bin":
-            layout = reading.layout or told_layout([path])
-            return read_bin(file, size, WANTED, layout)
+            return read_bin(file, size, WANTED, reading.layout or told_layout([file]))
         case ".npy":
             return read_npy(file, size, WANTED, None if reading.layout is None else reading.layout.names)
         case ".pcd":
@@ -178,18 +188,19 @@ def _first(columns: Mapping[str, Array], names: Sequence[str]) -> Array | None:
 
 
 def _colour(columns: Mapping[str, Array]) -> Array | None:
-    """(N, 3) uint8 of three columns or of one, in which red is the third byte from the right."""
+    """(N, 3) uint8 of three columns, or of one in which red is the third byte from the right."""
     packed = _first(columns, PACKED)
-    if packed is not None:
-        bits = packed.astype(np.float32).view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
-        return np.column_stack([bits >> 16, bits >> 8, bits]).astype(np.uint8)
     names = next((names for names in CHANNELS if columns.keys() >= set(names)), None)
-    if names is None:
-        return None
-    colour = np.column_stack([columns[name] for name in names])
-    if colour.dtype.kind == "f":  # 0..1
-        colour = np.clip(np.nan_to_num(colour), 0, 1) * 255 if len(colour) and colour.max() <= 1 else colour
-    elif colour.dtype.itemsize > 1 and len(colour) and colour.max() > 255:  # LAS: 16 bits
-        colour = colour >> 8
-    with np.errstate(invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):  # of damaged files
+        if packed is not None:
+            bits = packed.astype(np.float32).view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
+            return np.column_stack([bits >> 16, bits >> 8, bits]).astype(np.uint8)
+        if names is None:
+            return None
+        colour = np.column_stack([columns[name] for name in names])
+        highest = colour.max(initial=0)
+        if colour.dtype.kind == "f" and highest <= 1:
+            colour = colour * 255
+        elif colour.dtype.kind != "f" and highest > 255:  # LAS: 16 bits
+            colour = colour >> 8
         return colour.astype(np.uint8)

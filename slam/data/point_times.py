@@ -25,6 +25,7 @@ BLOCK = 0.05  # of a sweep, from the stamp: times of 0 that lie among later ones
 MOST_STRAY = 0.5  # of a scan's times; where more are unusable, it has none
 NEAR = 0.1  # of the span, on either side of 0
 BINS = 24  # parts of a sweep in which the turning is measured,
+NARROW = 0.7  # mean of the unit vectors to the points of a part: there the sensor looks into one direction
 EVEN, ALIKE = 0.3, 0.6  # within so much of the usual step in so large a share of them, or it does not turn
 AZIMUTH = "azimuth"  # in place of a field
 SWEEP_UNIT = "sweep"  # of fields that say which share of the sweep had gone by
@@ -105,8 +106,12 @@ class PointTimes:
             return f"point times: none ({self.why}); stamp = {self.stamp}"
         how = f"field {self.field}, {self.unit}, {'absolute' if self.absolute else 'relative'}"
         how = "from the azimuth" if self.field == AZIMUTH else how
-        span = f"{1e3 * self.first:.3g} to {1e3 * self.last:.3g} ms of a {1e3 * self.sweep:.3g} ms sweep"
+        span = f"{_milliseconds(self.first)} to {_milliseconds(self.last)} ms of a {_milliseconds(self.sweep)} ms sweep"
         return f"point times: {how}, {span}, in {timed} of {scans} scans; stamp = {self.stamp}"
+
+
+def _milliseconds(seconds: float) -> str:
+    return f"{round(1e3 * seconds, 1) + 0.0:g}"  # + 0.0 makes -0 0
 
 
 def azimuth_times(sweep: float, stamp: str) -> PointTimes:
@@ -273,7 +278,8 @@ def _turn(scan: _Seen) -> float | None:
     ahead = scan.xyz[inside, 0] + 1j * scan.xyz[inside, 1]
     ahead = ahead / np.maximum(np.abs(ahead), 1e-9)
     mean = np.bincount(part, ahead.real, BINS) + 1j * np.bincount(part, ahead.imag, BINS)
-    steps = np.angle(mean[1:] * np.conj(mean[:-1]))[(np.abs(mean[1:]) > 0) & (np.abs(mean[:-1]) > 0)]
+    narrow = np.abs(mean) > NARROW * np.maximum(np.bincount(part, minlength=BINS), 1)
+    steps = np.angle(mean[1:] * np.conj(mean[:-1]))[narrow[1:] & narrow[:-1]]
     usual = float(np.median(steps)) if len(steps) > BINS // 2 else 0.0
     if usual == 0 or np.mean(np.abs(steps / usual - 1) < EVEN) < ALIKE:
         return None

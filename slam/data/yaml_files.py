@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from slam.data.cloud import Array
 from slam.data.errors import InputError
+from slam.data.yaml_text import LONGEST, parsed
 
 
 def read_mapping(path: Path, known: Iterable[str]) -> dict[str, Any]:
@@ -22,11 +22,12 @@ def read_mapping(path: Path, known: Iterable[str]) -> dict[str, Any]:
 def read_yaml(path: Path) -> Any:
     """What a YAML file holds. Raises InputError where it cannot be read."""
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        with path.open(encoding="utf-8") as file:
+            return parsed(file.read(LONGEST + 1))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not YAML ({' '.join(str(error).split())})") from error
+    except ValueError as error:  # of text that is not UTF-8 too
+        raise InputError(f"{path}: not YAML ({error})") from error
 
 
 def checked_mapping(path: Path, content: Any, known: Iterable[str], where: str = "") -> dict[str, Any]:
@@ -38,8 +39,12 @@ def checked_mapping(path: Path, content: Any, known: Iterable[str], where: str =
         raise InputError(f"{path}: {place}lines like 'key: value' are expected, with the keys {', '.join(known)}")
     for key in content:
         if key not in known:
-            raise InputError(f"{path}: unknown key '{where}{key}'{suggest(str(key), known)}")
+            raise InputError(f"{path}: unknown key '{where}{_short(key)}'{suggest(_short(key), known)}")
     return content
+
+
+def _short(key: Any) -> str:
+    return " ".join(str(key).split())[:60]
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
@@ -54,7 +59,7 @@ def numbers(path: Path, key: str, value: Any, shape: tuple[int, ...]) -> Array:
     expected = " x ".join("n" if size == -1 else str(size) for size in shape)
     try:
         array = np.array(value, np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path}: '{key}' must be {expected} numbers") from error
     fits = array.ndim == len(shape) and all(want in (-1, got) for want, got in zip(shape, array.shape, strict=True))
     if not fits or not np.isfinite(array).all():

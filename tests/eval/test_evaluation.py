@@ -216,3 +216,14 @@ def test_the_table_prints_each_figure_with_its_protocol(write):
     assert "…" not in text
     assert "\x1b" not in text
     assert "0.000" in text
+
+
+def test_a_reference_with_w_first_is_read_as_the_estimate_tells(tmp_path):
+    """Too few poses for the motion alone to tell."""
+    poses, times = drive(7), 0.1 * np.arange(7)
+    (tmp_path / "estimate.txt").write_text(tum_text(times, poses))
+    table = np.loadtxt(tmp_path / "estimate.txt")
+    np.savetxt(tmp_path / "reference.txt", table[:, [0, 1, 2, 3, 7, 4, 5, 6]])
+    metrics = evaluate_files(tmp_path / "estimate.txt", tmp_path / "reference.txt")
+    assert metrics.rpe.frame.rmse == pytest.approx(0, abs=1e-6)
+    assert any("as the estimate tells, its quaternions have w first" in note for note in metrics.notes)

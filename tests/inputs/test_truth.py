@@ -663,6 +663,26 @@ def a_faster_camera(bench: Bench) -> None:
     assert shades(data, [0, 1, 10, 200]) == [30, 33, 60, None]
 
 
+def images_named_by_stamps(bench: Bench) -> None:
+    """Nanoseconds since 1970, 20 ms after every other scan."""
+    pictures(bench, [f"{round((stamp + 0.02) * 1e3)}000000.png" for stamp in STAMPS[:20:2]])
+    data = open_dataset(bench.folder)
+    assert shades(data, [0, 2, 18]) == [0, 1, 9]
+    assert image_kinds(data, 1) == ["missing image"]
+
+
+def namesakes_first(bench: Bench) -> None:
+    """Scans and images have the same stamps as names, and times.txt counts from 0."""
+    folder = bench.folder / "named"
+    (folder / "images").mkdir(parents=True)
+    for number in range(5):
+        name = f"{round(STAMPS[number] * 10)}00000000"
+        (folder / f"{name}.bin").write_bytes((bench.folder / "000000.bin").read_bytes())
+        cv2.imwrite(str(folder / "images" / f"{name}.png"), np.full((4, 6, 3), number, np.uint8))
+    (folder / "times.txt").write_text("0\n0.1\n0.2\n0.3\n0.4\n")
+    assert shades(open_dataset(folder), range(5)) == [0, 1, 2, 3, 4]
+
+
 def many_images(_: Bench) -> None:
     from slam.data import images
 
@@ -790,6 +810,20 @@ IMAGES = [
         "the nearest image within half a scan",
         a_faster_camera,
     ),
+    Case(
+        "49e",
+        "images named by their stamps, scans by numbers",
+        "every scan misses its image",
+        "the nearest in time",
+        images_named_by_stamps,
+    ),
+    Case(
+        "49f",
+        "scans and images with the same stamps as names, times.txt from 0",
+        "matched by name",
+        "matched by name",
+        namesakes_first,
+    ),
     Case("R15", "an hour of images by time", "16 bytes a pair: 21 GB", "some megabytes", many_images),
     Case(
         "R23a",
@@ -814,18 +848,20 @@ IMAGES = [
 # -- nothing is lost -----------------------------------------------------------------------------------------------
 
 STOPPED = """
-import sys
+import signal, sys, time
 from lidarlift.cli import main
 from slam.tracking import Tracker
+
 track = Tracker.__call__
+
 def slow(self, frame):
     if frame.index == 4:
         print("there", flush=True)
-        import time
-        time.sleep(60)
+        time.sleep(600)
     return track(self, frame)
+
 Tracker.__call__ = slow
-sys.argv = ["lidarlift", *sys.argv[1:]]
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have what they start in the background ignore it
 main()
 """
 
@@ -884,6 +920,7 @@ def onto_the_input(bench: Bench) -> None:
         for command in (("run",), ("enrich", "--enricher", "ray-segment")):
             result = bench.lidarlift(*command, path, "--frames", ":1", "--out", out)
             result.refused(str(out), "choose another folder")
+    bench.lidarlift("compare", path, "--frames", ":1", "--out", path).refused(str(path), "choose another folder")
     assert sorted(path.rglob("*")) == before
     own = bench.folder / "000000.bin"
     content = own.read_bytes()

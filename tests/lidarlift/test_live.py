@@ -120,3 +120,27 @@ def test_nothing_is_added_to_a_finished_run(street_scans: list[Array]) -> None:
 def test_a_speed_that_makes_no_sense_is_refused() -> None:
     with pytest.raises(lidarlift.InputError, match="sweeps_per_second"):
         lidarlift.Slam(sweeps_per_second=0)
+
+
+def test_times_that_are_no_seconds_are_refused(street_scans: list[Array]) -> None:
+    scan = street_scans[0]
+    fractions = PointCloud(scan[:, :3], scan[:, 3], time=np.linspace(0, 1, len(scan)))
+    with (
+        lidarlift.Slam() as slam,
+        pytest.raises(lidarlift.InputError, match=r"frame 0: .*span 1 s, .*neither fractions of the sweep"),
+    ):
+        slam.add(fractions, 0.0)
+
+
+def test_times_are_in_the_unit_that_the_first_scan_has_them_in(street_scans: list[Array]) -> None:
+    scan = street_scans[0]
+    fields = np.zeros(len(scan), [("x", "f4"), ("y", "f4"), ("z", "f4"), ("t", "u4")])
+    for column, name in enumerate("xyz"):
+        fields[name] = scan[:, column]
+    fields["t"] = np.linspace(0, 1e8, len(scan))
+    with lidarlift.Slam() as slam:
+        slam.add(np.zeros((0, 3)), -0.1)
+        slam.add(fields, 0.0)
+        run = slam.finish()
+    assert run.deskewed
+    assert "field t, ns, relative, 0 to 100 ms" in run.times()

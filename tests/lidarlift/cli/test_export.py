@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slam.data.cloud import PointCloud
-from slam.data.point_files import read_points
+from slam.data.point_files import read_cloud, read_points
 from slam.data.point_writer import write_points
 from slam.data.pose_files import read_poses
 
@@ -48,8 +48,38 @@ def test_an_exported_map_keeps_its_colours(lidarlift: Command) -> None:
 
 
 @pytest.mark.usefixtures("finished")
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_maps_are_exported_for_surveyors(lidarlift: Command, suffix: str) -> None:
+    assert lidarlift("export", "r", f"map{suffix}").code == 0
+    own, las = read_points(Path("r/map.pcd")), read_points(Path(f"map{suffix}"))
+    np.testing.assert_allclose(las.xyz, own.xyz, atol=6e-4)  # in millimetres
+    assert own.intensity is not None
+    assert las.intensity is not None
+    np.testing.assert_allclose(las.intensity / 65535, own.intensity, atol=1e-5)
+
+
+@pytest.mark.usefixtures("finished")
+@pytest.mark.parametrize("suffix", [".ply", ".las"])
+def test_a_map_of_any_size_is_exported_whole(lidarlift: Command, suffix: str) -> None:
+    """The limit of 10 km, beyond which a scan's points are damage, is none of a map's."""
+    xyz = np.column_stack([np.linspace(0, 50_000, 1000), np.zeros(1000), np.ones(1000)])
+    write_points(Path("r/map.pcd"), PointCloud(xyz, np.ones(1000)))
+    assert lidarlift("export", "r", f"map{suffix}").code == 0
+    exported = read_cloud(Path(f"map{suffix}"))
+    np.testing.assert_allclose(exported.xyz, xyz, atol=4e-3)
+    assert exported.problems == ()
+
+
+@pytest.mark.usefixtures("finished")
+def test_a_damaged_map_is_one_line(lidarlift: Command) -> None:
+    Path("r/map.pcd").write_bytes(b"nothing of the kind")
+    lidarlift("export", "r", "map.ply").refused("not a .pcd file")
+    assert not Path("map.ply").exists()
+
+
+@pytest.mark.usefixtures("finished")
 def test_export_asks_what_to_write(lidarlift: Command) -> None:
-    lidarlift("export", "r", "out.txt").refused("--format kitti, tum, pcd or ply")
+    lidarlift("export", "r", "out.txt").refused("--format kitti, tum, pcd, ply, las or laz")
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_damage_gaps_and_holes(lidarlift: Command, cheap: Path) -> None:
     out = " ".join(result.out.split())
     assert "19, numbers 0 to 19, 10 a second, 1.9 s in all" in out
     assert "a gap of 0.2 s" in out
-    assert "images for 19 of 19 scans of 40 x 30 pixels, not calibrated" in out
+    assert "images of 40 x 30 pixels for 19 of 19 scans, not calibrated" in out
     for line in (
         "- gap in numbering: scans: numbers missing: 7 (1 in all)",
         "- missing scan: scans/000010.pcd: cannot be read",
@@ -99,6 +99,17 @@ def test_what_nobody_knows_is_said(tmp_path: Path) -> None:
     assert [kind for kind, _, _ in found.problems] == ["no time stamps"]
     assert found.fields == ("x y z",)
     assert found.commands == (f"lidarlift run {tmp_path}",)
+
+
+def test_columns_that_are_said_are_handed_on(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    np.column_stack([rng.uniform(-20, 20, (500, 3)), rng.uniform(0, 1, (500, 2))]).astype("f4").tofile(
+        tmp_path / "1.bin"
+    )
+    found = package.info(tmp_path, columns="x,y,z,intensity,_")
+    assert found.points == 500
+    assert found.rate_hz is None
+    assert found.commands == (f"lidarlift run {tmp_path} --columns x,y,z,intensity,_",)
 
 
 def test_kittis_sequences(lidarlift: Command, street_drive: Drive, tmp_path: Path) -> None:
@@ -124,6 +135,7 @@ def test_kittis_sequences(lidarlift: Command, street_drive: Drive, tmp_path: Pat
     ]
     assert "--sequence 77" in listed
     assert "--sequence 78" in lidarlift("info", tmp_path / "kitti", "--sequence", "78").out
+    lidarlift("info", tmp_path / "kitti", "--json").refused("several sequences")
     with pytest.raises(InputError, match="several sequences"):
         package.info(tmp_path / "kitti")
 

@@ -287,3 +287,28 @@ def test_an_enricher_needs_something_to_enrich(lidarlift: Command, street_drive:
     lidarlift("run", street_drive(), "--enricher", "joint", "--out", "r").refused(
         "--enricher joint", "--input enriched"
     )
+
+
+def test_stamp_and_field_of_times_are_said_and_told(
+    lidarlift: Command, tmp_path: Path, street_scans: list[Array]
+) -> None:
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    for number, scan in enumerate(street_scans[:3]):
+        fields = np.zeros(len(scan), [("x", "f4"), ("y", "f4"), ("z", "f4"), ("t", "u4"), ("dt", "f4")])
+        for column, name in enumerate("xyz"):
+            fields[name] = scan[:, column]
+        fields["t"] = fields["dt"] = np.linspace(0, 1e5, len(scan))
+        np.save(folder / f"{number}.npy", fields)
+    (folder / "times.txt").write_text("5000\n5000.1\n5000.2\n")
+    result = lidarlift("run", folder, "--stamp", "end", "--point-time", "dt:us", "--out", "out")
+    assert result.code == 0, result.err
+    told = "point times: field dt, us, relative, -100 to 0 ms of a 100 ms sweep, in 3 of 3 scans; stamp = end"
+    assert told in result.out
+    assert read_report(Path("out"))["protocol"]["point_times"] == told
+    assert read_report(Path("out"))["protocol"]["stamps"] == "times.txt, s"
+    lidarlift("run", folder, "--point-time", "when", "--out", "out").refused("no field 'when'", "there are t, dt")
+
+
+def test_a_data_set_without_fields_takes_no_name_of_one(lidarlift: Command, street_drive: Drive) -> None:
+    lidarlift("run", street_drive(), "--point-time", "t", "--out", "out").refused("--point-time is not for this kind")

@@ -114,3 +114,10 @@ def test_a_range_without_frames_is_refused(odometry_root: Path) -> None:
     assert list(chosen_positions(dataset, slice(None, None, -1)))[-1] == 0
     with pytest.raises(InputError, match=f"no frames in that range; the drive has {len(dataset)}, from 0"):
         chosen_positions(dataset, slice(len(dataset), None))
+
+
+def test_scans_one_folder_deeper_are_pointed_to(tmp_path: Path) -> None:
+    (tmp_path / "raw").mkdir()
+    (tmp_path / "raw" / "0.bin").write_bytes(bytes(48))
+    with pytest.raises(InputError, match=r"no drive found here, but scans in .*raw; name that folder"):
+        open_dataset(tmp_path)
