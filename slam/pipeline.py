@@ -118,14 +118,12 @@ class Slam:
         problems = (*frame.problems, *stamp_problems(frame, before, self._sweep_duration))
         _refuse(problems, self._strict)
         self.result.problems.extend(problems)
-        unread = frame.read_image if isinstance(frame.read_image, ImageFile) else None
-        if unread is not None and unread.problem is not None:
-            unread = None  # among the frame's problems already
+        images = [reader for reader in frame.image_readers if isinstance(reader, ImageFile)]
+        unread = [image for image in images if image.problem is None]  # of others, the frame's problems tell
         self._centres.append(centre(frame.cloud.xyz))
         tracked = self._tracker(frame)
-        if unread is not None:
-            self._images.append(unread)
-            self._note_images([unread])
+        self._images.extend(unread)
+        self._note_images(unread)
         self.result.timed += tracked.timed
         self.result.sizes = self._tracker.sizes
 

@@ -88,9 +88,10 @@ HISTORY = 5  # past clouds that a front end is shown
 class Calibration:
     """The camera beside the LiDAR.
 
-    K                (3, 3) pinhole matrix of the image as it is delivered, pixels
+    K                (3, 3) camera matrix of the image as it is delivered, pixels
     T_camera_lidar   (4, 4) maps LiDAR points into the camera's frame (z forward)
     distortion       OpenCV's coefficients (k1 k2 p1 p2 [k3 ...]); empty for rectified images
+    fisheye          the lens is equidistant, and the coefficients are k1 k2 k3 k4 of OpenCV's fisheye model, or none
     T_camera0_lidar  (4, 4) for data sets whose reference poses are those of another camera (KITTI's camera 0)
     """
 
@@ -98,23 +99,49 @@ class Calibration:
     T_camera_lidar: Array
     distortion: tuple[float, ...] = ()
     T_camera0_lidar: Array | None = None
+    fisheye: bool = False
+
+
+#: Gives an image, (H, W, 3) uint8 RGB, or None where there is none.
+ImageReader = Callable[[], Array | None]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A camera, and what reads its image of a scan."""
+
+    calibration: Calibration
+    read_image: ImageReader
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One scan of a drive: its number in the data set, stamp [s], points as recorded, and the camera beside it.
+    """One scan of a drive: its number in the data set, stamp [s], points as recorded, and the camera beside it, of
+    several the one that looks ahead; `others` only colour points.
 
-    `problems` says what was wrong with this scan or its image, and what was done about it.
+    `problems` says what was wrong with this scan or its images, and what was done about it.
     """
 
     index: int
     stamp: float
     cloud: PointCloud
     calibration: Calibration | None = None
-    read_image: Callable[[], Array | None] = lambda: None
+    read_image: ImageReader = lambda: None
     problems: tuple[Problem, ...] = ()
+    others: tuple[View, ...] = ()
 
     @property
     def image(self) -> Array | None:
         """(H, W, 3) uint8 RGB, read when asked for; None where the data set has no image of this scan."""
         return self.read_image()
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """All cameras whose calibration is known, the one that looks ahead first."""
+        ahead = () if self.calibration is None else (View(self.calibration, self.read_image),)
+        return (*ahead, *self.others)
+
+    @property
+    def image_readers(self) -> tuple[ImageReader, ...]:
+        """What reads the images of all cameras."""
+        return (self.read_image, *(view.read_image for view in self.others))

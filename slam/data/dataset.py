@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from inspect import signature
 from pathlib import Path
@@ -85,7 +86,16 @@ DATASETS = Registry[Dataset](
     "data set",
     {
         "kitti-odometry": "slam.data.kitti_odometry:KittiOdometry",
+        "kitti-360": "slam.data.loaders.kitti_360:Kitti360",
         "kitti-raw": "slam.data.kitti_raw:KittiRaw",
+        "nuscenes": "slam.data.loaders.nuscenes:NuScenes",
+        "nclt": "slam.data.loaders.nclt:Nclt",
+        "mulran": "slam.data.loaders.mulran:MulRan",
+        "helipr": "slam.data.loaders.helipr:Helipr",
+        "boreas": "slam.data.loaders.boreas:Boreas",
+        "newer-college": "slam.data.loaders.newer_college:NewerCollege",
+        "paris-luco": "slam.data.loaders.paris_luco:ParisLuco",
+        "argoverse-2": "slam.data.loaders.argoverse_2:Argoverse2",
         "recording": "slam.data.recordings.dataset:RecordedDrive",
         "packets": "slam.data.packets.dataset:PacketDrive",
         FOLDER: "slam.data.folder:UserFolder",
@@ -108,14 +118,14 @@ def open_dataset(
     start: float | None = None,
     duration: float | None = None,
 ) -> Dataset:
-    """The drive at a path: KITTI odometry, KITTI raw, a recording, a packet capture, a kind that another package adds,
-    or a folder of scans.
+    """The drive at a path: a data set that is known by its folders, a recording, a packet capture, a kind that another
+    package adds, or a folder of scans.
 
     Args:
-        path: KITTI odometry's root, its `sequences` folder or one sequence; of KITTI raw the root, a date or a drive
-            (`..._sync`); a recording, the file or its folder (`RecordedDrive`); a packet capture (`PacketDrive`); or a
-            folder of scans of the user's own (`UserFolder`).
-        sequence: Picks one where there are several ('04'; '0005').
+        path: The root of one of DATASETS or one of its drives (each class says how they are laid out); a recording, the
+            file or its folder (`RecordedDrive`); a packet capture (`PacketDrive`); or a folder of scans of the user's
+            own (`UserFolder`).
+        sequence: Picks one where there are several ('04'; '0005'; 'scene-0061').
         sensor: Overrides what the folder says of the LiDAR (see `load_sensor`).
         stamp: The instant of a sweep that the stamps belong to, 'start', 'middle' or 'end'; by default sensor.yaml's
             or what the points' times tell.
@@ -210,5 +220,5 @@ def _pick(path: Path, found: dict[str, Path], wanted: str | None) -> Path:
 
 
 def _number(name: str) -> int:
-    digits = name.removesuffix("_sync").rpartition("_")[2]
-    return int(digits) if digits.isdigit() else -1
+    digits = re.search(r"[0-9]+$", name.removesuffix("_sync"))
+    return int(digits[0]) if digits else -1

@@ -12,6 +12,7 @@ import numpy as np
 
 from slam.data.bin_layout import Layout, read_bin, told_layout
 from slam.data.cloud import Array
+from slam.data.derived_columns import Axes, PointImage, in_axes, with_places
 from slam.data.errors import InputError
 from slam.data.npy import columns_of, read_npy
 from slam.data.pcd import read_pcd
@@ -69,10 +70,14 @@ class Reading:
     Attributes:
         layout: The columns of tables without names: .bin, and .npy of other than 3 or 4 columns.
         offset: What to subtract from coordinates in a map's frame [m], the same for all scans.
+        axes: How to make x forward, y left, z up [m] of the file's coordinates, where they are others.
+        image: What the points' places in the file say of their rings and times, where they say it.
     """
 
     layout: Layout | None = None
     offset: Offset | None = None
+    axes: Axes | None = None
+    image: PointImage | None = None
 
 
 def read_points(path: Path, reading: Reading = Reading()) -> Points:  # immutable
@@ -130,7 +135,10 @@ def points_in(file: BinaryIO, path: Path, reading: Reading = Reading(), everythi
         file.seek(0)
         if size == 0 and path.suffix.lower() != ".bin":
             raise UnreadableError("nothing in it")
-        return _points(_content(file, size, path, reading), path, reading.offset, everything)
+        content = _content(file, size, path, reading)
+        content = content if reading.image is None else with_places(content, reading.image)
+        content = content if reading.axes is None else in_axes(content, reading.axes)
+        return _points(content, path, reading.offset, everything)
     except UnreadableError as error:
         return _unreadable(path, str(error))
     except MemoryError:
@@ -156,6 +164,10 @@ def _content(file: BinaryIO, size: int, path: Path, reading: Reading) -> Content
             from slam.data.las import read_las
 
             return read_las(file, size, WANTED, path)
+        case ".feather":
+            from slam.data.feather import read_feather
+
+            return read_feather(file, WANTED, path)
         case suffix:
             raise UnreadableError(f"'{suffix}' is not one of {', '.join(SUFFIXES)}")
 

@@ -98,6 +98,7 @@ def find_columns(
     said: Conventions | None = None,
     period: float | None = None,
     where: object = "the scans",
+    compensated: bool = False,
 ) -> Columns:
     """What the columns of a drive mean.
 
@@ -107,6 +108,7 @@ def find_columns(
         said: What the user says of fields and stamps.
         period: Seconds from scan to scan, None where it is not known.
         where: What to name in messages.
+        compensated: Whether the motion within a sweep has been taken out of the scans, whatever the sensor says.
 
     Raises:
         InputError: The rings are not those of the sensor, or a field is not there that the user names.
@@ -117,7 +119,7 @@ def find_columns(
         times = find_point_times([Sample(points.times, points.xyz, stamp) for points, stamp in scans], period, said)
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
-    if sensor is not None and sensor.motion_compensated:
+    if compensated or (sensor is not None and sensor.motion_compensated):
         times = PointTimes(why="the scans are motion-compensated already", sweep=times.sweep, stamp=times.stamp)
     found = [points for points, _ in scans]
     ring_of, problems = _ring_numbers(found, sensor, where)

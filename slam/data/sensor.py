@@ -67,7 +67,7 @@ def load_sensor(name_or_file: str | Path) -> Sensor:
     say how its scans are read, see `Conventions`. Raises InputError on an unknown name or key, with the nearest right
     one, and on values that make no sense.
     """
-    if not _is_file(name_or_file):
+    if not is_sensor_file(name_or_file):
         return _built_in(str(name_or_file), "")
     if Path(name_or_file).suffix.lower() == ".json":
         from slam.data.packets.ouster_metadata import read_metadata
@@ -79,7 +79,8 @@ def load_sensor(name_or_file: str | Path) -> Sensor:
     return sensor
 
 
-def _is_file(name_or_file: str | Path) -> bool:
+def is_sensor_file(name_or_file: str | Path) -> bool:
+    """Whether that is a file that describes a sensor, not the name of a built-in one."""
     path = Path(name_or_file)
     return path.suffix.lower() in (".yaml", ".yml", ".json") or path.is_file()
 
@@ -137,17 +138,18 @@ def _from_beams(path: Path, name: str, rows: Any) -> Sensor:
 def sensor_of_folder(folder: Path, override: str | Path | None, default: Sensor | None = None) -> Sensor | None:
     """The sensor of a data set: its folder's sensor.yaml, else `default`, unless `override` says otherwise.
 
-    A file overrides all of it; a built-in name says which lasers there are, and the folder's correction and motion
-    compensation stay.
+    A file overrides all of it; a built-in name says which lasers there are, and the folder whether the scans are
+    motion-compensated. A vertical correction is that of one sensor, and stays with another of its name only.
     """
     path = folder / "sensor.yaml"
     own = (_from_file(path) if path.is_file() else None) or default
     if override is None:
         return own
     sensor = load_sensor(override)
-    if own is None or _is_file(override):
+    if own is None or is_sensor_file(override):
         return sensor
-    return replace(sensor, vertical_correction=own.vertical_correction, motion_compensated=own.motion_compensated)
+    correction = own.vertical_correction if own.name == sensor.name else sensor.vertical_correction
+    return replace(sensor, vertical_correction=correction, motion_compensated=own.motion_compensated)
 
 
 def nominal_lines(sensor: Sensor | None, path: Path) -> tuple[Problem, ...]:
@@ -163,7 +165,7 @@ def nominal_lines(sensor: Sensor | None, path: Path) -> tuple[Problem, ...]:
 
 def conventions_of_folder(folder: Path, override: str | Path | None) -> Conventions:
     """How the scans of a data set are to be read: what its sensor.yaml says, and the file `override` before that."""
-    said = [Path(override)] if override is not None and _is_file(override) else []
+    said = [Path(override)] if override is not None and is_sensor_file(override) else []
     files = [folder / "sensor.yaml", *(path for path in said if path.suffix.lower() != ".json")]
     return read_conventions([path for path in files if path.is_file()], KEYS)
 
@@ -176,6 +178,4 @@ def kitti_sensor(folder: Path, override: str | Path | None, motion_compensated: 
     """
     correction = float(np.deg2rad(0.205))
     kitti = replace(load_sensor("hdl64"), vertical_correction=correction, motion_compensated=motion_compensated)
-    sensor = sensor_of_folder(folder, override, kitti) or kitti
-    of_kitti = sensor.name == kitti.name or (folder / "sensor.yaml").is_file() or (override and _is_file(override))
-    return sensor if of_kitti else replace(sensor, vertical_correction=0.0)
+    return sensor_of_folder(folder, override, kitti) or kitti

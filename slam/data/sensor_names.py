@@ -15,9 +15,9 @@ SENSORS: Registry[Sensor] = Registry(
     {
         "hdl64": "slam.data.sensor_tables:hdl64",
         "vlp16": "slam.data.sensor_tables:vlp16",
+        "hdl32": "slam.data.sensor_tables:hdl32",
         "vlp32c": "slam.data.sensor_tables:vlp32c",
         "vls128": "slam.data.sensor_tables:vls128",
-        "hdl32": "slam.data.sensor_tables:hdl32",
         "puck-hires": "slam.data.sensor_tables:puck_hires",
         "os0-16": "slam.data.sensor_tables:os0_16",
         "os0-32": "slam.data.sensor_tables:os0_32",
@@ -47,5 +47,5 @@ SENSORS: Registry[Sensor] = Registry(
 #: Those of which the simulator has a model, power and timing included.
 SIMULATED: Registry[Sensor] = Registry(
     "simulated sensor",
-    {name: SENSORS.own[name] for name in ("hdl64", "vlp16", "vlp32c", "vls128", "os1-64", "os1-128")},
+    {name: SENSORS.own[name] for name in ("hdl64", "vlp16", "hdl32", "vlp32c", "vls128", "os1-64", "os1-128")},
 )

@@ -27,6 +27,12 @@ def vlp16() -> Sensor:
 
 
 @lru_cache(maxsize=1)
+def hdl32() -> Sensor:
+    """Velodyne HDL-32E user manual 63-9113: 32 lasers in one column, 4/3 deg apart."""
+    return _without_offsets("hdl32", 32 / 3 - 4 / 3 * np.arange(32), np.zeros(32))
+
+
+@lru_cache(maxsize=1)
 def vlp32c() -> Sensor:
     """Velodyne VLP-32C user manual 63-9325, table of vertical angles and azimuth offsets, which it counts clockwise."""
     lines = np.array(
@@ -66,7 +72,7 @@ def tabled(name: str, nominal: bool = False) -> Sensor:
     return _without_offsets(name, elevation, azimuth, nominal)
 
 
-hdl32, puck_hires = partial(tabled, "hdl32"), partial(tabled, "puck-hires")
+puck_hires = partial(tabled, "puck-hires")
 pandar40p, pandar64 = partial(tabled, "pandar40p", nominal=True), partial(tabled, "pandar64", nominal=True)
 xt16, xt32 = partial(tabled, "xt16", nominal=True), partial(tabled, "xt32", nominal=True)
 qt64 = partial(tabled, "qt64", nominal=True)

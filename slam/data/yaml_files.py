@@ -16,19 +16,30 @@ from slam.data.yaml_text import LONGEST, parsed
 
 def read_mapping(path: Path, known: Iterable[str]) -> dict[str, Any]:
     """The keys and values of a YAML file. Raises InputError where it is no mapping or holds a key not `known`."""
+    return checked_mapping(path, read_yaml(path), known)
+
+
+def read_yaml(path: Path) -> Any:
+    """What a YAML file holds. Raises InputError where it cannot be read."""
     try:
         with path.open(encoding="utf-8") as file:
-            content = parsed(file.read(LONGEST + 1))
+            return parsed(file.read(LONGEST + 1))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except ValueError as error:  # of text that is not UTF-8 too
         raise InputError(f"{path}: not YAML ({error})") from error
+
+
+def checked_mapping(path: Path, content: Any, known: Iterable[str], where: str = "") -> dict[str, Any]:
+    """What stands in a YAML file, or in a part of it, as keys and values. Raises InputError as `read_mapping`; `where`
+    stands before the keys in its messages."""
     known = sorted(known)
     if not isinstance(content, dict):
-        raise InputError(f"{path}: lines like 'key: value' are expected, with the keys {', '.join(known)}")
+        place = f"'{where.rstrip('.')}': " if where else ""
+        raise InputError(f"{path}: {place}lines like 'key: value' are expected, with the keys {', '.join(known)}")
     for key in content:
         if key not in known:
-            raise InputError(f"{path}: unknown key '{_short(key)}'{suggest(_short(key), known)}")
+            raise InputError(f"{path}: unknown key '{where}{_short(key)}'{suggest(_short(key), known)}")
     return content
 
 

@@ -88,7 +88,7 @@ class PacketDrive:
         self.numbers = np.array([sweep.number - self._sweeps[0].number for sweep in self._sweeps])
         self.stamps, self.stamps_from, unusual = self._stamps()
         said = conventions_of_folder(path.parent, override).said(stamp, point_time)
-        first = [(self._points(at), float(self.stamps[at])) for at in range(min(len(self), SAMPLES))]
+        first = [(self.points(at), float(self.stamps[at])) for at in range(min(len(self), SAMPLES))]
         columns = find_columns(first, self.sensor, said, usual_step(self.stamps), path)
         self._columns = self._known_rings(columns)
         self.point_times, self.rings = self._columns.times, self._columns.rings
@@ -101,7 +101,7 @@ class PacketDrive:
         return len(self._sweeps)
 
     def __getitem__(self, position: int) -> Frame:
-        points, stamp = self._points(position), float(self.stamps[position])
+        points, stamp = self.points(position), float(self.stamps[position])
         cloud, odd = self._columns.cloud(points, stamp, self.path)
         return Frame(int(self.numbers[position]), stamp, cloud, problems=(*points.problems, *odd))
 
@@ -194,7 +194,8 @@ class PacketDrive:
         found = self._arrivals(sweep.start, sweep.end)
         return [(one.stamp, one.payload) for one in found if self._decoder.frame_of(one.payload) == sweep.frame]
 
-    def _points(self, position: int) -> Points:
+    def points(self, position: int) -> Points:
+        """A scan as its packets have it."""
         packets = self._packets(position)
         points = points_of(self._decoder.points(packets), self.path)
         if len(packets) >= WHOLE * self._usual:

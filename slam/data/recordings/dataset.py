@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.data.calibration_file import read_calibration
+from slam.data.calibration_file import read_cameras
 from slam.data.cloud import Array, Calibration, Frame
 from slam.data.errors import InputError
 from slam.data.files import SCAN_PERIOD
@@ -40,7 +40,7 @@ class RecordedDrive:
 
     Used with them, where there are any: images with CameraInfo and the transform between the two frames; true poses.
     In the folder of the recording, or beside its file, may lie `sensor.yaml` (see `load_sensor`, `Conventions`) and
-    `calib.yaml` (see `read_calibration`), which holds before CameraInfo and transforms. See `Dataset` for the fields;
+    `calib.yaml` (see `read_cameras`), which holds before CameraInfo and transforms. See `Dataset` for the fields;
     `numbers` count the scans of the topic, from 0. Raises InputError where there are no scans.
 
     Args:
@@ -114,7 +114,7 @@ class RecordedDrive:
 
     def __getitem__(self, position: int) -> Frame:
         number, stamp = int(self.numbers[position]), float(self.stamps[position])
-        points = self._points(number)
+        points = self.points(position)
         cloud, odd = self._columns.cloud(points, stamp, self._name(number))
         problems, read = points.problems + odd, _no_image
         if self.calibration is not None and "images" in self.topics:
@@ -143,7 +143,9 @@ class RecordedDrive:
             raise InputError(f"{self.path}: no scans there; {lasts}")
         return chosen
 
-    def _points(self, number: int) -> Points:
+    def points(self, position: int) -> Points:
+        """A scan as its message has it."""
+        number = int(self.numbers[position])
         name = self._name(number)
         try:
             content, encoding = self.recording.read(self._topic.name, number)
@@ -158,7 +160,7 @@ class RecordedDrive:
         found: list[tuple[Points, float | None]] = []
         faults: list[str] = []
         for position in range(min(len(self), LOOKED_AT)):
-            points = self._points(int(self.numbers[position]))
+            points = self.points(position)
             faults += [problem.message for problem in points.problems if problem.kind == "missing scan"]
             if len(points.xyz):
                 found.append((points, float(self.stamps[position])))
@@ -193,7 +195,7 @@ class RecordedDrive:
     ) -> Calibration | str:
         """The camera, or why it is not used."""
         if (folder / "calib.yaml").is_file():
-            return read_calibration(folder / "calib.yaml")
+            return read_cameras(folder / "calib.yaml")[0].calibration
         info = info_topic(self.recording, topic.name)
         message = None if info is None else next(self.recording.messages(info.name), None)
         remedy = "the camera is not used; give calib.yaml (K, T_camera_lidar) beside the recording"

@@ -84,7 +84,7 @@ def test_times_rise_and_stay_within_the_sweep(courtyard: Courtyard, tmp_path: Pa
     assert times[-1] == pytest.approx(0.05 - INSTANT[stamp] / 2, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["hdl64", "vlp16", "vlp32c", "vls128", "os1-64", "os1-128"])
+@pytest.mark.parametrize("name", ["hdl64", "vlp16", "hdl32", "vlp32c", "vls128", "os1-64", "os1-128"])
 def test_the_loader_reads_each_lidar(courtyard: Courtyard, tmp_path: Path, name: str) -> None:
     courtyard.drive()
     data = written(tmp_path / "walk", sensor=name, distort=True, camera=False)
