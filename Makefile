@@ -8,7 +8,7 @@ DEV := $(VENV)/.ready-dev
 DOCS := $(VENV)/.ready-docs
 BENCHMARKS := $(VENV)/.ready-benchmarks
 # Peers that want other versions than lidarlift, in environments of their own. All versions: benchmarks/peers.txt.
-PEERS := kiss-slam rko-lio
+PEERS := kiss-slam rko-lio ouster-sdk
 OWN := $(PEERS:%=.peers/%/.ready)
 
 PYTEST := $(BIN)/pytest -n 2 --dist loadfile

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarlift.folders import require_apart
-from lidarlift.front_ends import FEW_RINGS, TRAINING_FREE, input_name, opened, with_runnable_enricher
+from lidarlift.front_ends import FEW_RINGS, MOST_ENRICHED, TRAINING_FREE, input_name, opened, with_runnable_enricher
 from lidarlift.reporting import Quiet, Reporter
 from lidarlift.running import run_into
 from slam.config import load_config
@@ -65,11 +65,14 @@ def compare(
 def available_inputs(data: Dataset) -> Sequence[str]:
     """Return the inputs that can be compared.
 
-    A sensor of 16 rings or fewer has no input 64; a sensor with another number of rings than 64 has no input 16.
+    A sensor of 16 rings or fewer has no full input besides input 16; one of more than MOST_ENRICHED rings, except 64,
+    is not enriched.
     """
-    rings = 64 if data.sensor is None else data.sensor.ring_count
-    sixteen, full = rings <= FEW_RINGS or rings == 64, rings > FEW_RINGS
-    return [name for name, there in zip(INPUTS, (sixteen, True, full), strict=True) if there]
+    from slam.data.dataset import ring_count
+
+    rings = ring_count(data) or 64
+    enriched = rings == 64 or rings <= MOST_ENRICHED
+    return [name for name, there in zip(INPUTS, (True, enriched, rings > FEW_RINGS), strict=True) if there]
 
 
 def rows_for(

@@ -53,7 +53,9 @@ def enrich(
     from slam.data.dataset import chosen_positions
 
     data = opened(dataset, sequence, sensor)
-    settings = settings_for(data.sensor, "enriched", enricher, config, overrides).front_end
+    from slam.data.dataset import ring_count
+
+    settings = settings_for(ring_count(data), "enriched", enricher, config, overrides).front_end
     front_end = front_end_for(settings, data.sensor, data.path)
     recorded = (data[position] for position in chosen_positions(data, frames))
     return ((frame, front_end(frame, ())) for frame in recorded)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("lidarlift")
 
 FEW_RINGS = 16  # scans of a sensor with no more rings than this are used in full
+MOST_ENRICHED = 42  # rings; above, there is no room for a virtual line between two rings of a target of about 64
 TRAINING_FREE = "ray-segment"  # the method without weights
 
 
@@ -40,7 +41,7 @@ def opened(dataset: Dataset | str | Path, sequence: str | None, sensor: str | Pa
 
 
 def settings_for(
-    sensor: Sensor | None,
+    rings: int | None,
     input: str | None = None,
     enricher: str | None = None,
     config: Config | str | Path | None = None,
@@ -49,8 +50,8 @@ def settings_for(
     """Return the settings of a run.
 
     Args:
-        sensor: The LiDAR, None if unknown.
-        input: '64' (as recorded), '16' or 'enriched'; by default as recorded.
+        rings: Number of rings of the LiDAR (`ring_count`), None if unknown.
+        input: 'full' (as recorded; also '64' with 64 rings), '16' or 'enriched'; by default as recorded.
         enricher: The enrichment method for input 'enriched'.
         config: A preset's name, a YAML file, or complete settings.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
@@ -64,10 +65,10 @@ def settings_for(
         if input or enricher or overrides:
             raise ValueError("config already holds all settings; leave input, enricher and overrides out")
         return with_runnable_enricher(config)
-    few = sensor is not None and sensor.ring_count <= FEW_RINGS
-    if few and input == "64":
-        raise InputError(f"the sensor {sensor.name if sensor else ''} does not have 64 rings; leave --input out")
-    settings = load_config(config, overrides, input=input or ("16" if few else None), enricher=enricher)
+    if input == "64" and rings is not None and rings != 64:
+        raise InputError(f"--input 64: the LiDAR has {rings} rings; use --input full, or leave it out")
+    default = None if rings in (None, 64) else "16" if rings <= FEW_RINGS else "full"
+    settings = load_config(config, overrides, input=input or default, enricher=enricher)
     if enricher and settings.front_end.input != "enriched":
         raise InputError(f"--enricher {enricher}: scans are not enriched without --input enriched; add it")
     return with_runnable_enricher(settings)
@@ -94,12 +95,16 @@ def with_runnable_enricher(settings: Config) -> Config:
     return settings.model_copy(update={"front_end": front_end})
 
 
-def front_end_for(settings: FrontEndSettings, sensor: Sensor | None, name: object) -> FrontEnd:
+def front_end_for(
+    settings: FrontEndSettings, sensor: Sensor | None, name: object, rings: int | None = None
+) -> FrontEnd:
     """Return a new front end for one run. See `front_end_maker`."""
-    return front_end_maker(settings, sensor, name)()
+    return front_end_maker(settings, sensor, name, rings)()
 
 
-def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: object) -> Callable[[], FrontEnd]:
+def front_end_maker(
+    settings: FrontEndSettings, sensor: Sensor | None, name: object, rings: int | None = None
+) -> Callable[[], FrontEnd]:
     """Return a factory of the front end in the settings: measured rings alone, or enriched.
 
     An enriching front end calibrates itself on the scans it receives, and its method may too: each run needs its own.
@@ -108,15 +113,17 @@ def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: obj
         settings: Settings of the front end.
         sensor: The LiDAR, None if unknown.
         name: Name of the data set, for error messages.
+        rings: Number of rings of the LiDAR, if counted in its scans.
 
     Raises:
-        InputError: As `RingFrontEnd`; or for input 'enriched' the laser lines or the method are unknown.
+        InputError: As `RingFrontEnd`; or for input 'enriched' the laser lines or the method are unknown, or the laser
+            lines are too dense.
     """
     from slam.front_end import RingFrontEnd
 
-    measured = RingFrontEnd(settings, sensor)
+    measured = RingFrontEnd(settings, sensor, rings)
     if settings.input != "enriched":
-        return lambda: measured
+        return lambda: RingFrontEnd(settings, sensor, rings)
     if sensor is None:
         raise InputError(
             f"{name}: enrichment needs the laser lines, and the sensor model is unknown; "
@@ -126,6 +133,11 @@ def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: obj
     from enrichment.methods.registry import METHODS
 
     target = sensor if sensor.ring_count == 64 else None
+    if target is None and sensor.ring_count > MOST_ENRICHED:
+        raise InputError(
+            f"{name}: {sensor.name} has {sensor.ring_count} rings, too dense for virtual beams between them; use "
+            "--input full or --input 16"
+        )
     make_method = METHODS.load(settings.enricher)
     return lambda: Enricher(measured, make_method(), *measured.lines(), target, coverage=settings.coverage)
 
@@ -133,4 +145,6 @@ def front_end_maker(settings: FrontEndSettings, sensor: Sensor | None, name: obj
 def input_name(settings: Config) -> str:
     """Return the name of the input for titles, such as 'enriched by lift' or '16 channels'."""
     front_end = settings.front_end
-    return f"enriched by {front_end.enricher}" if front_end.input == "enriched" else f"{front_end.input} channels"
+    if front_end.input == "enriched":
+        return f"enriched by {front_end.enricher}"
+    return "all channels" if front_end.input == "full" else f"{front_end.input} channels"

@@ -36,7 +36,7 @@ class Slam:
     Args:
         sensor: A built-in LiDAR ('hdl64', 'vlp16', 'vlp32c', ...) or a YAML file with its beams. Required for input
             'enriched'.
-        input: '64', scans as received; '16', rings dropped; 'enriched', 16 rings enriched to about 64. By default as
+        input: 'full', scans as received; '16', rings dropped; 'enriched', 16 rings enriched to about 64. By default as
             received.
         enricher: The enrichment method: 'ray-segment' takes some milliseconds and needs no camera.
         calibration: Calibration of the camera, if images are added: they colour the map, and methods may use them.
@@ -72,7 +72,9 @@ class Slam:
                 f"sweeps_per_second: {sweeps_per_second} is not positive; spinning LiDARs turn at 5 to 20 Hz"
             )
         self._sensor = None if sensor is None else load_sensor(sensor)
-        settings = settings_for(self._sensor, input, enricher, config, overrides)
+        settings = settings_for(
+            None if self._sensor is None else self._sensor.ring_count, input, enricher, config, overrides
+        )
         self._slam = pipeline.Slam(
             settings,
             front_end_for(settings.front_end, self._sensor, NAME),

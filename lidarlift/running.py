@@ -40,8 +40,8 @@ def run(
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
         sequence: Name of the sequence, if the folder has several.
         sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
-        input: '64': scans as recorded; '16': 16 rings; 'enriched': 16 rings with virtual beams between them. Default:
-            as recorded.
+        input: 'full': scans as recorded (of 64 rings also '64'); '16': 16 rings; 'enriched': 16 rings with virtual
+            beams between them. Default: as recorded.
         enricher: The enrichment method: 'ray-segment' needs no training; 'lift', the default, is our network.
         config: A preset's name, a YAML file, or the result of `load_config`.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
@@ -64,8 +64,10 @@ def run(
         >>> run.poses.shape
         (144, 4, 4)
     """
+    from slam.data.dataset import ring_count
+
     data = opened(dataset, sequence, sensor)
-    settings = settings_for(data.sensor, input, enricher, config, overrides)
+    settings = settings_for(ring_count(data), input, enricher, config, overrides)
     poses = None if odometry is None else Path(odometry)
     task = _Task(data, settings, frames, poses, strict, reporter or Quiet())
     return task.run() if out is None else task.run_into(Path(out))[0]
@@ -123,10 +125,13 @@ class _Task:
         self, on_odometry: Callable[[Run], None] | None = None, on_stop: Callable[[Run], None] | None = None
     ) -> Run:
         from slam.compilation import compile_kernels
+        from slam.data.dataset import ring_count
         from slam.pipeline import Pipeline
         from slam.recorded_odometry import RecordedOdometry
 
-        make_front_end = front_end_maker(self.settings.front_end, self.data.sensor, self.data.path)
+        make_front_end = front_end_maker(
+            self.settings.front_end, self.data.sensor, self.data.path, ring_count(self.data)
+        )
         recorded = RecordedOdometry(self.odometry, len(self.data), self.data.calibration) if self.odometry else None
         compile_kernels(
             self.settings, lambda: self.reporter.note("compiling kernels, only at the first run: about 20 s ...")

@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from slam.data.cloud import Array, Frame, History, PointCloud
-from slam.data.errors import InputError
-from slam.data.ring_patterns import drop_rings, kept_lines
+from slam.data.ring_patterns import KEPT, drop_rings, kept_lines
+from slam.data.scan_columns import usual_rings
 from slam.data.sensor import Sensor
 from slam.settings import FrontEndSettings
 
@@ -25,7 +25,7 @@ class FrontEnd(Protocol):
 
 
 class RingFrontEnd:
-    """Returns the scan as recorded (input 64), or 16 of its 64 rings (inputs 16 and enriched).
+    """Returns the scan as recorded (inputs full and 64), or 16 of its rings (inputs 16 and enriched).
 
     The scan of a sensor with 16 rings or fewer is returned unchanged, and for input enriched that of every sensor
     without 64 rings.
@@ -33,21 +33,25 @@ class RingFrontEnd:
     Args:
         settings: Settings of the front end.
         sensor: The LiDAR, None if unknown.
+        rings: Number of rings of the LiDAR, if known without the sensor; None: counted in the first scan with rings.
 
     Raises:
-        InputError: Rings would be dropped from a sensor that does not have 64: the patterns are defined for 64.
+        InputError: The pattern of dropped rings is defined for another number of rings.
     """
 
-    def __init__(self, settings: FrontEndSettings, sensor: Sensor | None = None) -> None:
+    def __init__(self, settings: FrontEndSettings, sensor: Sensor | None = None, rings: int | None = None) -> None:
         self.settings, self.sensor = settings, sensor
-        rings = 64 if sensor is None else sensor.ring_count
-        sparse = rings <= 16 or (settings.input == "enriched" and rings != 64)
-        self.as_recorded = settings.input == "64" or sparse
-        if not self.as_recorded and sensor is not None and rings != 64:
-            raise InputError(
-                f"rings can be dropped from 64-ring sensors only, and {sensor.name} has {sensor.ring_count}; "
-                "use --input 64"
-            )
+        self.rings = rings if sensor is None else sensor.ring_count
+        if self.rings is not None and not self.as_recorded:
+            self._dropped(PointCloud(np.zeros((0, 3)), np.zeros(0), np.zeros(0)))  # reports a wrong pattern at once
+
+    @property
+    def as_recorded(self) -> bool:
+        """Whether all rings are kept: by the setting, or because there are at most 16."""
+        if self.settings.input in ("full", "64"):
+            return True
+        rings = self.rings or 64
+        return rings <= KEPT or (self.settings.input == "enriched" and rings != 64)
 
     def lines(self) -> tuple[Sensor, Array]:
         """Return the laser lines by ring index, and the indices (K,) that are kept, top first; needs a known sensor."""
@@ -59,8 +63,13 @@ class RingFrontEnd:
     def __call__(self, frame: Frame, history: History) -> PointCloud:
         """Return the cloud of a frame, with the rings that are kept."""
         del history  # only enrichment uses it
+        if self.rings is None and frame.cloud.ring is not None and len(frame.cloud):
+            self.rings = usual_rings(int(frame.cloud.ring.max()))
         if self.as_recorded or len(frame.cloud) == 0:
             return frame.cloud
         if frame.cloud.ring is None and self.sensor is not None:  # a damaged scan without rings: drop all points
             return frame.cloud.select(np.zeros(len(frame.cloud), bool))
-        return drop_rings(frame.cloud, self.settings.drop, self.settings.phase, self.sensor)
+        return self._dropped(frame.cloud)
+
+    def _dropped(self, cloud: PointCloud) -> PointCloud:
+        return drop_rings(cloud, self.settings.drop, self.settings.phase, self.sensor, self.rings or 64)

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from slam.data import se3
-from slam.data.camera import with_colour
+from slam.data.camera import with_colours
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.graph.back_end import BackEnd
 from slam.graph.ledger import LoopRecord
@@ -204,7 +204,6 @@ def corrected_poses(poses: Array, indices: Array, keyframes: Array, optimised: A
 
 
 def _coloured(cloud: PointCloud, recorded: PointCloud, frame: Frame) -> PointCloud:
-    """The registered cloud with colours of the image, which is projected onto the points in sensor geometry."""
-    if frame.calibration is None or (image := frame.image) is None:
-        return cloud
-    return replace(cloud, colour=with_colour(recorded, image, frame.calibration).colour)
+    """The registered cloud with the colours that the cameras saw; images are projected on the points as recorded."""
+    colour = with_colours(recorded, frame.views).colour
+    return cloud if colour is None else replace(cloud, colour=colour)

@@ -118,14 +118,12 @@ class Slam:
         problems = (*frame.problems, *stamp_problems(frame, before, self._sweep_duration))
         _raise_if_strict(problems, self._strict)
         self.result.problems.extend(problems)
-        unread = frame.read_image if isinstance(frame.read_image, ImageFile) else None
-        if unread is not None and unread.problem is not None:
-            unread = None  # already one of the frame's problems
+        images = [reader for reader in frame.image_readers if isinstance(reader, ImageFile)]
+        unread = [image for image in images if image.problem is None]  # others are already problems of the frame
         self._centres.append(centre(frame.cloud.xyz))
         tracked = self._tracker(frame)
-        if unread is not None:
-            self._images.append(unread)
-            self._add_image_problems([unread])
+        self._images.extend(unread)
+        self._add_image_problems(unread)
         self.result.timed += tracked.timed
         self.result.sizes = self._tracker.sizes
 
@@ -272,6 +270,7 @@ def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
         {order: poses[positions] for order, poses in getattr(dataset, "truth_readings", {}).items()},
         getattr(dataset, "point_times", None),
         getattr(dataset, "stamps_from", None),
+        getattr(dataset, "topics", {}),
     )
 
 

@@ -66,6 +66,7 @@ class Source:
         truth_readings: As in `GroundTruth`, of these frames.
         point_times: The verdict on the point times of the data set, None without one.
         stamps_from: Source of the scans' stamps, None if unknown.
+        topics: Topics of a recording that are used, by 'points', 'images' and 'truth'.
     """
 
     name: str = "live"
@@ -77,6 +78,7 @@ class Source:
     truth_readings: Mapping[str, Array] = field(default_factory=dict)
     point_times: PointTimes | None = None
     stamps_from: str | None = None
+    topics: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(eq=False)

@@ -173,6 +173,7 @@ def _report(run: Run) -> dict[str, Any]:
             "deskew": run.deskewed,
             "point_times": run.times(),
             "stamps": source.stamps_from,
+            "topics": dict(source.topics),
             "sizes_m": asdict(run.sizes) if run.sizes else None,
             "alignment": "none: the first frame is the origin; metrics.json says how each figure was aligned",
             "versions": _versions(),

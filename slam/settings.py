@@ -16,8 +16,9 @@ class Settings(BaseModel):
 class FrontEndSettings(Settings):
     """Conversion of the recorded scan into the cloud that is registered."""
 
-    input: Literal["64", "16", "enriched"] = "64"  # 64: as recorded; 16: rings dropped; enriched: 16 enriched to 64
-    drop: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"  # which 16 of 64 rings; every-4th as in papers
+    # full: as recorded, and so is 64; 16: 16 of its rings; enriched: 16 enriched to about 64
+    input: Literal["full", "64", "16", "enriched"] = "64"
+    drop: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"  # which 16 of its rings; every-4th as in papers
     phase: int = Field(0, ge=0, le=3)  # of every-4th: index of the first ring that is kept
     # a name in enrichment.methods.registry, checked when the method is created. lift: our network; ray-segment: no
     # learning, some milliseconds per frame; joint: ray-segment guided by the image, a tenth of a second; l2l, li2l,

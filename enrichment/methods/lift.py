@@ -56,9 +56,11 @@ class LiftMethod:
         if self._session is None:
             self._fallback.notice()
             return RaySegment()(scan, grid)
-        given = lift_input(scan, grid)
         ranges, sigma = np.zeros(grid.shape, np.float32), np.full(grid.shape, np.inf, np.float32)
         trusted = np.zeros(grid.shape, bool)
+        if not (scan.rows_above(grid.sensor) >= 0).any():  # no rays between the rings
+            return Prediction(ranges, sigma, trusted)
+        given = lift_input(scan, grid)
         rho, scale, valid = self._run(given)
         guess = given.candidates[Candidate.GUESS]
         rho = np.where((guess > 0) & (scale > UNCERTAIN_SCALE), rho + GUESS_WEIGHT * (guess - rho), rho)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,15 +12,21 @@ from lidarlift.cli.arguments import (
     ColumnsOption,
     ConfigOption,
     DatasetArgument,
+    DurationOption,
     EnricherOption,
     FramesOption,
+    ImageTopicOption,
     PointTimeOption,
     SensorOption,
     SequenceOption,
     SetOption,
     StampOption,
+    StartOption,
     StrictOption,
+    TopicOption,
+    TruthTopicOption,
     frame_slice,
+    seconds,
 )
 from lidarlift.cli.console import Console
 from lidarlift.comparing import available_inputs, compare_into, comparison_title, rows_for
@@ -40,6 +46,11 @@ def compare(
     stamp: StampOption = None,
     point_time: PointTimeOption = None,
     columns: ColumnsOption = None,
+    topic: TopicOption = None,
+    image_topic: ImageTopicOption = None,
+    truth_topic: TruthTopicOption = None,
+    start: StartOption = None,
+    duration: DurationOption = None,
     out: Annotated[Path | None, typer.Option(help="The folder for the runs. Default: runs/NAME-compared.")] = None,
     strict: StrictOption = False,
 ) -> None:
@@ -51,7 +62,16 @@ def compare(
     """
     from slam.data.dataset import open_dataset
 
-    said = {"stamp": stamp and stamp.value, "point_time": point_time, "columns": columns}
+    said: dict[str, Any] = {
+        "stamp": stamp and stamp.value,
+        "point_time": point_time,
+        "columns": columns,
+        "topic": topic,
+        "image_topic": image_topic,
+        "truth_topic": truth_topic,
+        "start": seconds(start, "--start"),
+        "duration": seconds(duration, "--duration"),
+    }
     data = open_dataset(dataset, sequence, sensor, **said)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
     rows, chosen = rows_for(available_inputs(data), enricher, config, set_ or ()), frame_slice(frames)

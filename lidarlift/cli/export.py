@@ -12,7 +12,7 @@ from lidarlift.cli.console import messages
 from slam.data.errors import InputError
 
 if TYPE_CHECKING:
-    from slam.data.cloud import Array
+    from slam.data.cloud import Array, PointCloud
 
 
 class Format(StrEnum):
@@ -24,6 +24,7 @@ class Format(StrEnum):
     PLY = "ply"
     LAS = "las"
     LAZ = "laz"
+    MCAP = "mcap"
 
 
 class Axes(StrEnum):
@@ -38,7 +39,10 @@ def export(
     out: Annotated[Path, typer.Argument(help="The file to write.")],
     format: Annotated[
         Format | None,
-        typer.Option(help="kitti or tum: the trajectory; pcd, ply, las or laz: the map. Default: from the suffix."),
+        typer.Option(
+            help="kitti or tum: the trajectory; pcd, ply, las or laz: the map; mcap: both, for RViz and Foxglove. "
+            "Default: from the suffix."
+        ),
     ] = None,
     frame: Annotated[
         Axes, typer.Option(help="lidar: x forward, z up, as in the run; camera: that of KITTI's camera 0, z forward.")
@@ -55,7 +59,7 @@ def export(
     else:
         suffix = f".{kind.value}"
         out = out if out.suffix.lower() == suffix else out.with_name(out.name + suffix)
-        _export_map(folder, out, T)
+        (_export_recording if kind is Format.MCAP else _export_map)(folder, out, T)
     print(f"Written to {out}")
 
 
@@ -77,8 +81,8 @@ def _new_axes(folder: Path, frame: Axes) -> Array:
 def _format_of(out: Path) -> Format:
     """The format of the file's suffix."""
     suffix = out.suffix.lower().removeprefix(".")
-    if suffix not in ("pcd", "ply", "las", "laz"):
-        raise InputError(f"{out}: the suffix is no format; use --format kitti, tum, pcd, ply, las or laz")
+    if suffix not in ("pcd", "ply", "las", "laz", "mcap"):
+        raise InputError(f"{out}: the suffix is no format; use --format kitti, tum, pcd, ply, las, laz or mcap")
     return Format(suffix)
 
 
@@ -95,11 +99,27 @@ def _export_trajectory(folder: Path, out: Path, kind: Format, T: Array) -> None:
 
 
 def _export_map(folder: Path, out: Path, T: Array) -> None:
+    from slam.data.point_writer import write_points
+
+    write_points(out, _map(folder).transformed(T))
+
+
+def _export_recording(folder: Path, out: Path, T: Array) -> None:
+    import numpy as np
+
+    from slam.data.pose_files import read_poses
+    from slam.data.recordings.export import write_mcap
+    from slam.data.se3 import inverse
+
+    stamps, poses = read_poses(folder / "trajectory_tum.txt")
+    write_mcap(out, np.asarray(stamps), T @ poses @ inverse(T), _map(folder).transformed(T))
+
+
+def _map(folder: Path) -> PointCloud:
     import numpy as np
 
     from slam.data.cloud import PointCloud
     from slam.data.point_files import read_cloud
-    from slam.data.point_writer import write_points
 
     points = read_cloud(folder / "map.pcd")
     for problem in points.problems:
@@ -107,4 +127,4 @@ def _export_map(folder: Path, out: Path, T: Array) -> None:
             raise InputError(problem.message)
         messages.print(f"Note: {problem.message}", style="yellow", markup=False)
     intensity = np.zeros(len(points.xyz)) if points.intensity is None else points.intensity
-    write_points(out, PointCloud(points.xyz, intensity, colour=points.colour).transformed(T))
+    return PointCloud(points.xyz, intensity, colour=points.colour)

@@ -11,16 +11,22 @@ from lidarlift.cli.arguments import (
     ColumnsOption,
     ConfigOption,
     DatasetArgument,
+    DurationOption,
     EnricherOption,
     FramesOption,
+    ImageTopicOption,
     InputOption,
     PointTimeOption,
     SensorOption,
     SequenceOption,
     SetOption,
     StampOption,
+    StartOption,
     StrictOption,
+    TopicOption,
+    TruthTopicOption,
     frame_slice,
+    seconds,
 )
 from lidarlift.cli.console import Console
 from lidarlift.front_ends import settings_for
@@ -39,6 +45,11 @@ def run(
     stamp: StampOption = None,
     point_time: PointTimeOption = None,
     columns: ColumnsOption = None,
+    topic: TopicOption = None,
+    image_topic: ImageTopicOption = None,
+    truth_topic: TruthTopicOption = None,
+    start: StartOption = None,
+    duration: DurationOption = None,
     odometry: Annotated[
         Path | None,
         typer.Option(help="File with LiDAR poses of another odometry, one per scan, KITTI or TUM format."),
@@ -51,12 +62,21 @@ def run(
     Example: `lidarlift run kitti/sequences/04 --frames 0:50 --set odometry.cell_sizes=[1.2,0.8] --out runs/04`
     """
     from eval.tables import format_metrics
-    from slam.data.dataset import open_dataset
+    from slam.data.dataset import open_dataset, ring_count
     from slam.session import read_report
 
-    said = {"stamp": stamp and stamp.value, "point_time": point_time, "columns": columns}
+    said: dict[str, Any] = {
+        "stamp": stamp and stamp.value,
+        "point_time": point_time,
+        "columns": columns,
+        "topic": topic,
+        "image_topic": image_topic,
+        "truth_topic": truth_topic,
+        "start": seconds(start, "--start"),
+        "duration": seconds(duration, "--duration"),
+    }
     data = open_dataset(dataset, sequence, sensor, **said)
-    chosen = settings_for(data.sensor, input and input.value, enricher, config, set_ or ())
+    chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict)
     report = read_report(folder)
@@ -83,10 +103,15 @@ def _summary(report: dict[str, Any]) -> str:
         f"registration {odometry['registration']} against the {odometry['target']}{_cells(protocol['sizes_m'])}\n"
         f"{counts['frames']} frames, {report['path_length_m']:.2f} m; {counts['retried']} retried, "
         f"{counts['failed']} failed; map of {report['map_points']:,} points\n"
-        f"{protocol['point_times']}\n"
+        f"{_topics(protocol['topics'])}{protocol['point_times']}\n"
         f"{notes}{_loops(report['loops'])}\n"
         f"Median: odometry {times['odometry']['median']:.1f} ms per frame; in parallel {', '.join(parallel)}\n"
     )
+
+
+def _topics(used: dict[str, str]) -> str:
+    """The topics of a recording."""
+    return f"topics: {', '.join(f'{use} {topic}' for use, topic in used.items())}\n" if used else ""
 
 
 def _cells(sizes: dict[str, Any] | None) -> str:

@@ -13,7 +13,7 @@ import typer
 from lidarlift.cli.arguments import Stamp, one_of
 from lidarlift.cli.console import progress
 from slam.data.atomic import require_writable
-from slam.data.sensor_names import SENSORS
+from slam.data.sensor_names import SIMULATED
 from slam.simulation.drive_names import DRIVES
 
 
@@ -22,6 +22,19 @@ class Format(StrEnum):
 
     KITTI = "kitti"
     FOLDER = "folder"
+    BAG = "bag"
+    ROS2 = "ros2"
+    MCAP = "mcap"
+
+
+class Driver(StrEnum):
+    """Driver whose point fields are written."""
+
+    VELODYNE = "velodyne"
+    OUSTER = "ouster"
+    HESAI = "hesai"
+    ROBOSENSE = "robosense"
+    LIVOX = "livox"
 
 
 def simulate(
@@ -40,7 +53,7 @@ def simulate(
     frames: Annotated[int | None, typer.Option(min=1, help="Number of frames. Default: the whole sequence.")] = None,
     sensor: Annotated[
         str,
-        typer.Option(metavar="NAME", callback=one_of(SENSORS), help=f"The LiDAR: {', '.join(SENSORS.names())}."),
+        typer.Option(metavar="NAME", callback=one_of(SIMULATED), help=f"The LiDAR: {', '.join(SIMULATED.names())}."),
     ] = "hdl64",
     rate: Annotated[float, typer.Option(metavar="HZ", help="Rotation rate of the LiDAR, and frame rate.")] = 10.0,
     height: Annotated[
@@ -62,11 +75,24 @@ def simulate(
     ] = False,
     format: Annotated[
         Format,
-        typer.Option(help="kitti: layout of KITTI odometry; folder: .pcd scans with ring and time of each point."),
+        typer.Option(
+            help="kitti: layout of KITTI odometry; folder: .pcd scans with ring and time of each point; bag, ros2, "
+            "mcap: a recording of ROS 1, of ROS 2 in SQLite or MCAP, with camera, IMU, GNSS and true poses."
+        ),
     ] = Format.KITTI,
+    driver: Annotated[
+        Driver | None,
+        typer.Option(
+            help="Driver whose fields the points have. Default: none in a folder, the LiDAR's own in a recording."
+        ),
+    ] = None,
     stamp: Annotated[
-        Stamp, typer.Option(help="Instant of a sweep to which its stamp and true pose refer, for --format folder.")
-    ] = Stamp.MIDDLE,
+        Stamp | None,
+        typer.Option(
+            help="Instant of a sweep to which its stamp and true pose refer, in a folder or a recording. Default: the "
+            "driver's, else the middle."
+        ),
+    ] = None,
 ) -> None:
     """Simulate a sequence: scans, images, calibration and true poses. An interrupted simulation is resumed.
 
@@ -89,7 +115,8 @@ def simulate(
         height=height,
         tilt=math.radians(tilt),
         format=format.value,
-        stamp=stamp.value,
+        stamp=stamp and stamp.value,
+        driver=driver and driver.value,
     )
     simulation = Simulation(settings)
     count = min(frames or len(simulation), len(simulation))

@@ -61,8 +61,8 @@ class PointCloud:
     def __len__(self) -> int:
         return len(self.xyz)
 
-    def select(self, index: Array) -> PointCloud:
-        """Return the points of a mask (N,) or an index array, with all their fields."""
+    def select(self, index: Array | slice) -> PointCloud:
+        """Return the points of a mask (N,), an index array or a slice, with all their fields."""
         return self._map(lambda values: values[index])
 
     def with_xyz(self, xyz: Array) -> PointCloud:
@@ -90,9 +90,10 @@ class Calibration:
     """Calibration of the camera.
 
     Attributes:
-        K: (3, 3) pinhole matrix of the image as stored [pixels].
+        K: (3, 3) camera matrix of the image as stored [pixels].
         T_camera_lidar: (4, 4), LiDAR to camera (z forward).
         distortion: OpenCV's coefficients (k1 k2 p1 p2 [k3 ...]); empty for rectified images.
+        fisheye: Whether the lens is equidistant; `distortion` then has k1 k2 k3 k4 of OpenCV's fisheye model, or none.
         T_camera0_lidar: (4, 4), LiDAR to the camera that the reference poses belong to, if it is another one (KITTI's
             camera 0); else None.
     """
@@ -101,29 +102,55 @@ class Calibration:
     T_camera_lidar: Array
     distortion: tuple[float, ...] = ()
     T_camera0_lidar: Array | None = None
+    fisheye: bool = False
+
+
+#: Gives an image, (H, W, 3) uint8 RGB, or None where there is none.
+ImageReader = Callable[[], Array | None]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A camera, and what reads its image of a scan."""
+
+    calibration: Calibration
+    read_image: ImageReader
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One scan of a sequence, with its image.
+    """One scan of a sequence, with its images.
 
     Attributes:
         index: Number of the scan in the data set.
         stamp: Time stamp [s].
         cloud: Points as recorded.
-        calibration: Calibration of the camera, or None.
+        calibration: Calibration of the camera, of several of the one that looks ahead, or None.
         read_image: Reads the image, see `image`.
-        problems: Faults of this scan or its image, and how they were handled.
+        problems: Faults of this scan or its images, and how they were handled.
+        others: The other cameras, which only colour points.
     """
 
     index: int
     stamp: float
     cloud: PointCloud
     calibration: Calibration | None = None
-    read_image: Callable[[], Array | None] = lambda: None
+    read_image: ImageReader = lambda: None
     problems: tuple[Problem, ...] = ()
+    others: tuple[View, ...] = ()
 
     @property
     def image(self) -> Array | None:
         """Image (H, W, 3) uint8 RGB, read on access; None if the data set has no image for this scan."""
         return self.read_image()
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """All cameras whose calibration is known, the one that looks ahead first."""
+        ahead = () if self.calibration is None else (View(self.calibration, self.read_image),)
+        return (*ahead, *self.others)
+
+    @property
+    def image_readers(self) -> tuple[ImageReader, ...]:
+        """What reads the images of all cameras."""
+        return (self.read_image, *(view.read_image for view in self.others))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,11 @@ class Conventions:
     time_unit: str | None = None
     full_intensity: float | None = None
     quaternion: str | None = None
+
+    def over(self, others: Conventions) -> Conventions:
+        """What `others` say, and this where they say nothing."""
+        known = {field.name: value for field in fields(others) if (value := getattr(others, field.name)) is not None}
+        return replace(self, **known)
 
     def said(self, stamp: str | None = None, point_time: str | None = None, where: str | None = None) -> Conventions:
         """Return a copy with the given values.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from inspect import signature
 from pathlib import Path
@@ -27,7 +28,8 @@ class Dataset(Protocol):
     problems      what is wrong with the data set as a whole; `Frame.problems` is for single scans
 
     Those of this package also have `point_times`, the verdict on the points' times (`PointTimes`), `stamps_from`, the
-    place that stamps are from, and where it is not simply the usual step between stamps `scan_period` [s];
+    place that stamps are from, of a recording the `topics` in use, and where they tell more than the fields above
+    `scan_period` [s], the usual step between scans, and `rings`, how many the LiDAR has by the files' numbers;
     `points(position)`, a scan as its file has it; `images`, the file of each scan's image, or None; `folders` that the
     drive is read from; and a folder `truth_readings` (see `GroundTruth`).
     """
@@ -84,7 +86,18 @@ DATASETS = Registry[Dataset](
     "data set",
     {
         "kitti-odometry": "slam.data.kitti_odometry:KittiOdometry",
+        "kitti-360": "slam.data.loaders.kitti_360:Kitti360",
         "kitti-raw": "slam.data.kitti_raw:KittiRaw",
+        "nuscenes": "slam.data.loaders.nuscenes:NuScenes",
+        "nclt": "slam.data.loaders.nclt:Nclt",
+        "mulran": "slam.data.loaders.mulran:MulRan",
+        "helipr": "slam.data.loaders.helipr:Helipr",
+        "boreas": "slam.data.loaders.boreas:Boreas",
+        "newer-college": "slam.data.loaders.newer_college:NewerCollege",
+        "paris-luco": "slam.data.loaders.paris_luco:ParisLuco",
+        "argoverse-2": "slam.data.loaders.argoverse_2:Argoverse2",
+        "recording": "slam.data.recordings.dataset:RecordedDrive",
+        "packets": "slam.data.packets.dataset:PacketDrive",
         FOLDER: "slam.data.folder:UserFolder",
     },
     "lidarlift.datasets",
@@ -99,24 +112,37 @@ def open_dataset(
     stamp: str | None = None,
     point_time: str | None = None,
     columns: str | None = None,
+    topic: str | None = None,
+    image_topic: str | None = None,
+    truth_topic: str | None = None,
+    start: float | None = None,
+    duration: float | None = None,
 ) -> Dataset:
-    """The drive in a folder: KITTI odometry, KITTI raw, a kind that another package adds, or a folder of scans.
+    """The drive at a path: a data set that is known by its folders, a recording, a packet capture, a kind that another
+    package adds, or a folder of scans.
 
     Args:
-        path: KITTI odometry's root, its `sequences` folder or one sequence; of KITTI raw the root, a date or a drive
-            (`..._sync`); or a folder of scans of the user's own (`UserFolder`).
-        sequence: Picks one where there are several ('04'; '0005').
+        path: The root of one of DATASETS or one of its drives (each class says how they are laid out); a recording, the
+            file or its folder (`RecordedDrive`); a packet capture (`PacketDrive`); or a folder of scans of the user's
+            own (`UserFolder`).
+        sequence: Picks one where there are several ('04'; '0005'; 'scene-0061').
         sensor: Overrides what the folder says of the LiDAR (see `load_sensor`).
         stamp: The instant of a sweep that the stamps belong to, 'start', 'middle' or 'end'; by default sensor.yaml's
             or what the points' times tell.
         point_time: The field with the points' times, FIELD or FIELD:UNIT ('t:ns'); by default likewise.
         columns: What the numbers in the .bin or .npy scans of a folder are, as in 'x,y,z,intensity,ring,time': float32,
             or of the type behind a colon, 't:u4'; '_' for one of no use. By default the numbers have to tell.
+        topic: Of a recording, the scans' topic, and
+        image_topic: the images', and
+        truth_topic: that of the true poses; by default found (see `RecordedDrive`).
+        start: Seconds of a recording that are left out at its start, and
+        duration: of those that are used.
 
     Raises:
         InputError: Nothing fits, the message says what was looked for; or the data set does not take an option.
     """
-    said = {"stamp": stamp, "point_time": point_time, "columns": columns}
+    said = {"stamp": stamp, "point_time": point_time, "columns": columns, "start": start, "duration": duration}
+    said |= {"topic": topic, "image_topic": image_topic, "truth_topic": truth_topic}
     path, loader, found = _drives(path)
     return loader(_pick(path, found, sequence), sensor, **_taken(loader, path, said))
 
@@ -133,7 +159,7 @@ def _drives(path: str | Path) -> tuple[Path, Loader, dict[str, Path]]:
     """The path made absolute, the kind of data set that is there, and its drives by their names."""
     path = Path(path).expanduser()
     if not path.exists():
-        raise InputError(f"{path}: no such folder; name the folder of a drive")
+        raise InputError(f"{path}: no such folder or file; name a drive")
     path = path.resolve() if ".." in path.parts else path.absolute()  # symbolic links stay: poses/ may lie beside them
     layouts = []
     for name in sorted(DATASETS.names(), key=FOLDER.__eq__):  # the folder last: it takes any scans
@@ -142,19 +168,28 @@ def _drives(path: str | Path) -> tuple[Path, Loader, dict[str, Path]]:
             return path, loader, found
         layouts.append(loader.LAYOUT)
     if path.is_file():
-        raise InputError(f"{path}: is a file, not a folder with scans; name the folder of a drive")
+        known = "a recording (.bag, .db3, .mcap) or a packet capture (.pcap, .pcapng)"
+        raise InputError(f"{path}: is a file, not a folder with scans, {known}; name a drive")
     if below := [str(child) for child in sorted(path.iterdir()) if child.is_dir() and loader.drives(child)]:
         raise InputError(f"{path}: no drive found here, but scans in {', '.join(below[:3])}; name that folder")
     raise InputError(f"{path}: no drive found; looked for {', '.join(layouts[:-1])} and {layouts[-1]}")
 
 
-def _taken(loader: Loader, path: Path, said: Mapping[str, str | None]) -> dict[str, Any]:
+def _taken(loader: Loader, path: Path, said: Mapping[str, str | float | None]) -> dict[str, Any]:
     """What is said, by the names that the loader has for it. Raises InputError where it does not know one."""
     given = {name: value for name, value in said.items() if value is not None}
     for name in given:
         if name not in signature(loader).parameters:
             raise InputError(f"{path}: --{name.replace('_', '-')} is not for this kind of data set; leave it out")
     return given
+
+
+def ring_count(data: Dataset) -> int | None:
+    """How many rings a data set's LiDAR has, by its sensor or counted in the first scans; None where nobody knows."""
+    if data.sensor is not None:
+        return data.sensor.ring_count
+    counted: int | None = getattr(data, "rings", None)
+    return counted
 
 
 def chosen_positions(data: Dataset, frames: slice) -> range:
@@ -169,7 +204,7 @@ def _pick(path: Path, found: dict[str, Path], wanted: str | None) -> Path:
     """The one folder that is meant: by its name, its number ('4', '0005'), or by being the only one."""
     if "" in found:
         if wanted is not None:
-            raise InputError(f"{path}: a folder of scans has no sequence '{wanted}'; leave --sequence out")
+            raise InputError(f"{path}: one drive, without a sequence '{wanted}'; leave --sequence out")
         return found[""]
     if wanted is None:
         if len(found) == 1:
@@ -185,5 +220,5 @@ def _pick(path: Path, found: dict[str, Path], wanted: str | None) -> Path:
 
 
 def _number(name: str) -> int:
-    digits = name.removesuffix("_sync").rpartition("_")[2]
-    return int(digits) if digits.isdigit() else -1
+    digits = re.search(r"[0-9]+$", name.removesuffix("_sync"))
+    return int(digits[0]) if digits else -1

@@ -9,7 +9,7 @@ from pathlib import Path
 from slam.data.bin_layout import KITTI, Layout, parsed_columns, told_layout
 from slam.data.errors import InputError
 from slam.data.point_blocks import UnreadableError
-from slam.data.point_files import Reading, read_points
+from slam.data.point_files import Points, Reading, read_points
 from slam.data.problem import Problem
 from slam.data.sound_points import map_frame
 
@@ -29,19 +29,24 @@ def reading_of(files: Sequence[Path], columns: str | None = None) -> tuple[Readi
             said of files that name their own.
     """
     layout, told = _layout(files, columns)
+    offset = first_of(files, Reading(layout)).offset
+    if not any(offset):
+        return Reading(layout), told
+    return Reading(layout, offset), (*told, Problem("map coordinates", f"{files[0].parent}: {map_frame(offset)}"))
+
+
+def first_of(files: Sequence[Path], reading: Reading) -> Points:
+    """The first of some scans that has points. Raises InputError where none of the first FIRST can be read."""
     unreadable = list[Problem]()
     for path in files[:FIRST]:
-        points = read_points(path, Reading(layout))
+        points = read_points(path, reading)
         if len(points.xyz):
             break
         unreadable += [problem for problem in points.problems if problem.kind == "missing scan"]
     if len(unreadable) == len(files[:FIRST]):
         others = f"; nor can the next {len(unreadable) - 1}" if len(unreadable) > 1 else ""
         raise InputError(unreadable[0].message.replace("; no points used", "") + others)
-    if not any(points.offset):
-        return Reading(layout), told
-    text = f"{files[0].parent}: {map_frame(points.offset)}"
-    return Reading(layout, points.offset), (*told, Problem("map coordinates", text))
+    return points
 
 
 def _layout(files: Sequence[Path], columns: str | None) -> tuple[Layout | None, tuple[Problem, ...]]:

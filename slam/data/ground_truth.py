@@ -63,6 +63,11 @@ def read_ground_truth(path: Path, stamps: Array, numbers: Array, known_times: bo
     if not file.is_file():
         return GroundTruth()
     trajectory = read_trajectory(file, conventions_of_folder(path, None).quaternion)
+    return truth_of(file, trajectory, stamps, numbers, known_times)
+
+
+def truth_of(file: Path, trajectory: Trajectory, stamps: Array, numbers: Array, known_times: bool) -> GroundTruth:
+    """The same of a trajectory of the LiDAR that is from `file`."""
     if trajectory.stamps is not None and not known_times:
         return _none(f"{file}: its poses have stamps and the scans have none; give times.txt, or poses without stamps")
     match = _by_time(file, trajectory, stamps) if trajectory.stamps is not None else _by_row(file, trajectory, numbers)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,16 +22,18 @@ IMAGE_FOLDERS = ("images", "image_2")
 MARKS = ((b"\x89PNG\r\n\x1a\n", b"IEND"), (b"\xff\xd8\xff", b"\xff\xd9"))
 TAIL = 4096
 DEPTHS = (10, 12, 14, 16)  # bits that cameras put into 16
+DEPTH_AT = 24  # the byte of a PNG that has the bits of a value
+SAMPLES = 5  # images of a drive that are looked at for the bits in use
 
 
 class ImageFile:
     """Reads an image, (H, W, 3) uint8 RGB as its pixels are stored, whatever orientation a tag in it asks for.
 
-    It gives None for a damaged file; `problem` says so once that is known.
+    It gives None for a damaged file; `problem` says so once that is known. Of 16 bits, `bits` are in use.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, bits: int = 0) -> None:
+        self.path, self.bits = path, bits
         self.problem: Problem | None = None
 
     def __call__(self) -> Array | None:
@@ -44,7 +47,7 @@ class ImageFile:
         if image is None:
             self.problem = self.problem or _damaged(self.path, str(fault))
             return None
-        return np.ascontiguousarray(_eight_bits(image)[:, :, ::-1])
+        return np.ascontiguousarray(_eight_bits(image, self.bits)[:, :, ::-1])
 
     def check(self) -> Problem | None:
         """What is wrong with the file by its beginning and end; the pixels are not looked at."""
@@ -81,9 +84,10 @@ def image_problems(image: ImageFile | None, number: int, folder: Path) -> tuple[
 
 
 def found_in_reading(frame: Frame) -> tuple[Problem, ...]:
-    """What was wrong with a frame's image when it was read, beyond what the frame's own problems say."""
-    problem = frame.read_image.problem if isinstance(frame.read_image, ImageFile) else None
-    return () if problem is None or problem in frame.problems else (problem,)
+    """What was wrong with a frame's images when they were read, beyond what the frame's own problems say."""
+    readers = (reader for reader in frame.image_readers if isinstance(reader, ImageFile))
+    found = (reader.problem for reader in readers)
+    return tuple(problem for problem in found if problem is not None and problem not in frame.problems)
 
 
 def image_folder(path: Path) -> Path | None:
@@ -91,8 +95,8 @@ def image_folder(path: Path) -> Path | None:
     return next((path / name for name in IMAGE_FOLDERS if (path / name).is_dir()), None)
 
 
-def match_images(
-    path: Path, scans: Sequence[Path], stamps: Array, known_times: bool
+def matched_images(
+    folder: Path, scans: Sequence[Path], stamps: Array, known_times: bool, unit: str | None = None
 ) -> tuple[Path | None, list[ImageFile | None], tuple[Problem, ...]]:
     """For each scan its image.
 
@@ -100,38 +104,37 @@ def match_images(
     the one of its number; else the nearest by the stamps in their names.
 
     Args:
-        path: The drive's folder.
+        folder: The images' folder.
         scans: The N files.
         stamps: (N,) [s].
         known_times: Whether the stamps were recorded, not assumed.
+        unit: Of the stamps that are the images' names, where it is known (see `in_order`).
 
     Returns:
         The folder of the images, None where there are none to use; the image of each scan, or None; and what is wrong
         with the images as a whole.
     """
-    folder = image_folder(path)
-    if folder is None:
-        return None, [None] * len(scans), ()
     files = (file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES and file.name[0] != ".")
-    names = in_order(list(files))
+    names = in_order(list(files), unit)
     images = names.files
     problems: tuple[Problem, ...] = ()
     times = next((folder / name for name in TIME_FILES if (folder / name).is_file()), None)
     read = read_stamps(times, images, names.numbers) if images and times is not None and known_times else None
     if read is not None:
-        found, problems = _nearest(images, read.seconds, stamps), read.problems
+        found, problems = nearest_images(images, read.seconds, stamps), read.problems
     else:
         found = _by_name(images, scans)
         if not any(found) and names.stamps is not None and known_times:
-            found = _nearest(images, names.stamps, stamps)
+            found = nearest_images(images, names.stamps, stamps)
     if any(found):
-        return folder, [None if image is None else ImageFile(image) for image in found], problems
+        bits = bits_in_use(images)
+        return folder, [None if image is None else ImageFile(image, bits) for image in found], problems
     fault = f"none of {len(images)} images has a scan's name, number or time" if images else "no images in it"
     text = f"{folder}: {fault}; the camera is not used. Name them like the scans, or give {folder.name}/times.txt"
     return None, [None] * len(scans), (Problem("unmatched images", text),)
 
 
-def _nearest(images: Sequence[Path], taken: Array, stamps: Array) -> list[Path | None]:
+def nearest_images(images: Sequence[Path], taken: Array, stamps: Array) -> list[Path | None]:
     """Of images at rising times (M,) the nearest to each stamp (N,), None beyond half a scan's period."""
     after = np.searchsorted(taken, stamps).clip(max=len(taken) - 1)
     before = np.maximum(after - 1, 0)
@@ -160,10 +163,26 @@ def _damaged(path: Path, fault: str) -> Problem:
     return Problem("damaged image", f"{path}: {fault}; this scan's points stay without colour")
 
 
-def _eight_bits(image: Array) -> Array:
-    """An image of 16 bits as one of 8, by the bits that its brightest pixel shows to be in use."""
+def bits_in_use(images: Sequence[Path]) -> int:
+    """How many of 16 bits the brightest pixel of some of a drive's images takes, of `DEPTHS`; 0 for images of 8."""
+    brightest = 0
+    for at in np.unique(np.linspace(0, len(images) - 1, SAMPLES).astype(int)):
+        with contextlib.suppress(OSError), images[at].open("rb") as file:
+            head = file.read(DEPTH_AT + 1)
+            if head.startswith(MARKS[0][0]) and head[DEPTH_AT:] == b"\x10":
+                import cv2
+
+                image = cv2.imread(str(images[at]), cv2.IMREAD_UNCHANGED)
+                brightest = max(brightest, 0 if image is None else int(image.max()))
+    return _bits(brightest) if brightest else 0
+
+
+def _bits(brightest: int) -> int:
+    return next(bits for bits in DEPTHS if brightest < 1 << bits)
+
+
+def _eight_bits(image: Array, bits: int) -> Array:
+    """An image of 16 bits as one of 8, by the bits that are in use in the drive's, or in this one if these are more."""
     if image.dtype == np.uint8:
         return image
-    brightest = int(image.max())
-    depth = next(bits for bits in DEPTHS if brightest < 1 << bits)
-    return (image >> (depth - 8)).astype(np.uint8)
+    return (image >> (max(bits, _bits(int(image.max()))) - 8)).astype(np.uint8)

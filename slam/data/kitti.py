@@ -14,8 +14,11 @@ from slam.data.first_scans import reading_of
 from slam.data.images import IMAGE_SUFFIXES, ImageFile, image_problems, no_image
 from slam.data.point_files import Points, read_points
 from slam.data.point_times import PointTimes, azimuth_times
-from slam.data.sensor import Sensor
+from slam.data.problem import Problem
+from slam.data.sensor import Sensor, is_sensor_file
 from slam.data.stamps import usual_step
+
+KITTIS = "hdl64"  # KITTI's LiDAR
 
 
 class KittiDrive:
@@ -32,12 +35,15 @@ class KittiDrive:
     scan_period = SCAN_PERIOD
     calibration: Calibration | None
 
-    def __init__(self, path: Path, sensor: Sensor, stamp: str | None, scans: Path, images: Path) -> None:
+    def __init__(
+        self, path: Path, sensor: Sensor, override: str | Path | None, stamp: str | None, scans: Path, images: Path
+    ) -> None:
         self.path, self.sensor, self._stamp = path, sensor, stamp or "middle"
         self._scans = files_by_number(scans, (".bin",))
         if not self._scans:
             raise InputError(f"{scans}: no scans in it; KITTI's are numbered .bin files, like 000000.bin")
         self._reading, self._told = reading_of(list(self._scans.values()))
+        self._told += _motion_assumed(path, sensor, override)
         self._image_folder, self._images = images, files_by_number(images, IMAGE_SUFFIXES)
         self.numbers = np.array(list(self._scans), np.int64)
 
@@ -87,6 +93,19 @@ class KittiDrive:
             read_image=image or no_image,
             problems=problems + odd,
         )
+
+
+def _motion_assumed(path: Path, sensor: Sensor, override: str | Path | None) -> tuple[Problem, ...]:
+    """That scans of another LiDAR in KITTI's layout are taken to have been swept as KITTI's, where nobody says it."""
+    if override is None or sensor.name == KITTIS or is_sensor_file(override) or (path / "sensor.yaml").is_file():
+        return ()
+    how = "swept from the rear on, in the middle of which is the stamp"
+    how = "motion-compensated" if sensor.motion_compensated else how
+    other = str(not sensor.motion_compensated).lower()
+    text = (
+        f"{path}: scans of a {sensor.name} are taken to be {how}, as KITTI's are; if they are not, give --sensor a file"
+    )
+    return (Problem("motion assumed", f"{text} with 'model: {sensor.name}' and 'motion_compensated: {other}'"),)
 
 
 def rectified_camera(P: Array, T_camera0_lidar: Array) -> Calibration:

@@ -50,7 +50,7 @@ class KittiOdometry(KittiDrive):
         self.name = f"{maker} {path.name}"
         lasers = kitti_sensor(path, sensor, motion_compensated=True)
         said = conventions_of_folder(path, sensor).said(stamp)
-        super().__init__(path, lasers, said.stamp, path / "velodyne", path / "image_2")
+        super().__init__(path, lasers, sensor, said.stamp, path / "velodyne", path / "image_2")
         self.stamps, slow = self._read_stamps()
         self.calibration, uncalibrated = self._read_calibration()
         self.ground_truth, untrue = self._read_ground_truth()

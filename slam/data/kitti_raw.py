@@ -18,7 +18,7 @@ from slam.data.files import (
 )
 from slam.data.kitti import KittiDrive, rectified_camera
 from slam.data.problem import Problem
-from slam.data.sensor import conventions_of_folder, kitti_sensor
+from slam.data.sensor import Sensor, conventions_of_folder, kitti_sensor
 from slam.data.stamps import mended
 from slam.data.time_files import clock_rows, text_lines
 
@@ -32,6 +32,7 @@ class KittiRaw(KittiDrive):
     """
 
     LAYOUT = "KITTI raw (*_sync/velodyne_points/data/*.bin)"
+    MAKER = "KITTI raw"
 
     @staticmethod
     def drives(path: Path) -> dict[str, Path]:
@@ -43,14 +44,20 @@ class KittiRaw(KittiDrive):
         return {}
 
     def __init__(self, path: Path, sensor: str | Path | None = None, *, stamp: str | None = None) -> None:
-        self.name = f"KITTI raw {path.name.removesuffix('_sync')}"
-        lasers = kitti_sensor(path, sensor, motion_compensated=False)
+        self.name = f"{self.MAKER} {path.name.removesuffix('_sync')}"
         said = conventions_of_folder(path, sensor).said(stamp)
-        super().__init__(path, lasers, said.stamp, path / "velodyne_points" / "data", path / "image_02" / "data")
+        scans, images = path / "velodyne_points" / "data", self._image_place(path)
+        super().__init__(path, self._lasers(path, sensor), sensor, said.stamp, scans, images)
         self.stamps, start, unusual = self._read_stamps()
         self.calibration, uncalibrated = self._read_calibration()
         self.ground_truth, untrue = self._read_ground_truth(start)
         self.problems = (*self._told, *gaps(self.numbers, path / "velodyne_points"), *unusual, *uncalibrated, *untrue)
+
+    def _lasers(self, path: Path, override: str | Path | None) -> Sensor:
+        return kitti_sensor(path, override, motion_compensated=False)
+
+    def _image_place(self, path: Path) -> Path:
+        return path / "image_02" / "data"
 
     def _read_stamps(self) -> tuple[Array, np.datetime64 | None, tuple[Problem, ...]]:
         """Stamps (N,) [s] from the first scan on, its own, and what is wrong with them."""

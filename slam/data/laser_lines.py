@@ -14,10 +14,8 @@ from slam.data.beams import recover_rings
 from slam.data.cloud import Array
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
-from slam.data.folder import UserFolder
-from slam.data.point_files import Reading, read_points
 from slam.data.problem import Problem, spans
-from slam.data.scan_names import scans_in
+from slam.data.scan_drive import ScanDrive
 
 #: Total number of points used; each of 64 rings then has 15,000, which average a rounding to 1 mm down to some 0.01 mm.
 POINTS = 1_000_000
@@ -186,12 +184,10 @@ MOST_RINGS = 1024
 
 def _read_scans(data: Dataset, positions: Sequence[int], on_scan: Callable[[], None]) -> list[_Scan]:
     """Read samples of the scans; rings are never taken from the lines of a known sensor, since these are estimated."""
-    folder = data if isinstance(data, UserFolder) else None
-    files, reading = ([], Reading()) if folder is None else (scans_in(data.path), folder.reading)
     scans = []
     for position in positions:
-        if files:
-            points = read_points(files[position], reading)
+        if isinstance(data, ScanDrive):
+            points = data.points(position)
             xyz, ring = points.xyz, points.ring
         else:
             xyz, ring = data[position].cloud.xyz, None

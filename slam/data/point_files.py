@@ -11,6 +11,7 @@ import numpy as np
 
 from slam.data.bin_layout import Layout, read_bin, told_layout
 from slam.data.cloud import Array
+from slam.data.derived_columns import Axes, PointImage, in_axes, with_places
 from slam.data.errors import InputError
 from slam.data.npy import columns_of, read_npy
 from slam.data.pcd import read_pcd
@@ -68,10 +69,14 @@ class Reading:
     Attributes:
         layout: Columns of tables without names: .bin, and .npy of other than 3 or 4 columns.
         offset: Offset to subtract from coordinates in a map frame [m], the same for all scans.
+        axes: Conversion of the file's coordinates to x forward, y left, z up [m], if they have other axes.
+        image: Rings and times by the place of a point in the file, if it determines them.
     """
 
     layout: Layout | None = None
     offset: Offset | None = None
+    axes: Axes | None = None
+    image: PointImage | None = None
 
 
 def read_points(path: Path, reading: Reading = Reading()) -> Points:  # immutable
@@ -95,19 +100,20 @@ def read_cloud(path: Path) -> Points:
     return _read(path, Reading(), everything=True)
 
 
-def points_of(table: Array, name: Path) -> Points:
+def points_of(table: Array, name: Path, offset: Offset | None = None) -> Points:
     """Return the valid points of an array in memory, as `read_points` does for a file.
 
     Args:
         table: (N, 3) x y z or (N, 4) x y z intensity; or a structured array with fields x, y, z and, under any of the
             names in `NAMES`, intensity, ring and time.
         name: Name of the array in messages.
+        offset: Offset to subtract from coordinates in a map frame [m]. Default: estimated from its own points.
 
     Raises:
         InputError: The array has another shape or lacks a field.
     """
     try:
-        return _points(columns_of(table, WANTED), name, None, everything=False)
+        return _points(columns_of(table, WANTED), name, offset, everything=False)
     except UnreadableError as error:
         raise InputError(f"{name}: {error}") from error
 
@@ -128,7 +134,10 @@ def points_in(file: BinaryIO, path: Path, reading: Reading = Reading(), everythi
         file.seek(0)
         if size == 0 and path.suffix.lower() != ".bin":
             raise UnreadableError("the file is empty")
-        return _points(_content(file, size, path, reading), path, reading.offset, everything)
+        content = _content(file, size, path, reading)
+        content = content if reading.image is None else with_places(content, reading.image)
+        content = content if reading.axes is None else in_axes(content, reading.axes)
+        return _points(content, path, reading.offset, everything)
     except UnreadableError as error:
         return _unreadable(path, str(error))
     except MemoryError:
@@ -154,6 +163,10 @@ def _content(file: BinaryIO, size: int, path: Path, reading: Reading) -> Content
             from slam.data.las import read_las
 
             return read_las(file, size, WANTED, path)
+        case ".feather":
+            from slam.data.feather import read_feather
+
+            return read_feather(file, WANTED, path)
         case suffix:
             raise UnreadableError(f"'{suffix}' is not one of {', '.join(SUFFIXES)}")
 

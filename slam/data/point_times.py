@@ -297,8 +297,8 @@ def _rotation_period(scan: _FieldRange) -> float | None:
     """Duration of a whole turn in the field's unit, from azimuth over time; None if the sensor does not rotate."""
     span = scan.last - scan.first
     time = _from_origin(scan.values, 1.0)
-    share = (time[0] + (time[1] - scan.first)) / span
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
+        share = (time[0] + (time[1] - scan.first)) / span
         inside = (share >= 0) & (share <= 1)
     part = np.minimum((share[inside] * BINS).astype(np.int64), BINS - 1)
     ahead = scan.xyz[inside, 0] + 1j * scan.xyz[inside, 1]

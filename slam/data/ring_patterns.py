@@ -1,4 +1,4 @@
-"""Fewer lasers out of many: the input of a 16-channel LiDAR, made from a 64-channel one's scan."""
+"""Fewer lasers out of many: the input of a 16-channel LiDAR, made from the scan of one that has more."""
 
 from __future__ import annotations
 
@@ -16,41 +16,54 @@ VLP16_RINGS = (5, 11, 17, 23, 29, 34, 38, 42, 46)
 #: Azimuth columns of the HDL-64E: 0.18 degrees each.
 POOL_COLUMNS = 2000
 POOL = 4  # rings averaged into one
+KEPT = 16  # of every-4th, whatever the number of rings
 PATTERNS = ("every-4th", "vlp16", "average-pool")
 
 
-def drop_rings(
-    cloud: PointCloud, pattern: str = "every-4th", phase: int = 0, sensor: Sensor | None = None
-) -> PointCloud:
-    """The cloud that a sensor with a quarter of the rings would have seen.
+def every_fourth(rings: int, phase: int = 0) -> Array:
+    """Sixteen ring ids (16,) of `rings`, evenly from the top: every 4th of 64, every 2nd of 32, every 8th of 128.
 
-    every-4th     rings phase, phase + 4, ... (phase 0..3) as measured, with the ring ids they had
+    Raises InputError where `phase`, the first that stays, is not smaller than the step.
+    """
+    step = rings / KEPT
+    if phase not in range(int(step)):
+        raise InputError(f"phase {phase} of the pattern every-4th; 0 to {int(step) - 1} exist for {rings} rings")
+    return np.floor(np.arange(KEPT) * step).astype(np.int64) + phase
+
+
+def drop_rings(
+    cloud: PointCloud, pattern: str = "every-4th", phase: int = 0, sensor: Sensor | None = None, rings: int = 64
+) -> PointCloud:
+    """The cloud that a sensor with 16 of the `rings` would have seen.
+
+    every-4th     rings phase, phase + 4, ... (phase 0..3) of 64 as measured, with the ring ids they had; of another
+                  number see `every_fourth`
     vlp16         the nine rings next to a VLP-16's beams, as measured, with the ring ids they had
     average-pool  rings 4g..4g+3 pooled into ring g, see `average_pool`; `sensor` gives the laser lines (HDL-64E)
 
-    Raises InputError on an unknown pattern or phase, and where the cloud has no rings.
+    Raises InputError on an unknown pattern or phase, on a pattern that is made for 64 rings where there are others, and
+    where the cloud has no rings.
     """
     if pattern not in PATTERNS:
         raise InputError(f"unknown ring pattern '{pattern}'{suggest(pattern, PATTERNS)}")
-    if pattern == "every-4th" and phase not in range(4):
-        raise InputError(f"phase {phase} of the pattern every-4th; 0 to 3 exist")
+    if pattern != "every-4th" and rings != 64:
+        raise InputError(f"the pattern {pattern} drops rings of 64, and there are {rings}; leave front_end.drop out")
+    kept = every_fourth(rings, phase) if pattern == "every-4th" else VLP16_RINGS
     if cloud.ring is None:
         raise InputError(
             "rings cannot be dropped, for nobody knows which laser the points came from; "
             "name the LiDAR: --sensor hdl64, --sensor vlp16 or --sensor FILE.yaml with its beams"
         )
-    if pattern == "every-4th":
-        return cloud.select(cloud.ring % 4 == phase)
-    if pattern == "vlp16":
-        return cloud.select(np.isin(cloud.ring, VLP16_RINGS))
-    return average_pool(cloud, sensor or load_sensor("hdl64"))
+    if pattern == "average-pool":
+        return average_pool(cloud, sensor or load_sensor("hdl64"))
+    return cloud.select(np.isin(cloud.ring, kept))
 
 
 def kept_lines(sensor: Sensor, pattern: str = "every-4th", phase: int = 0) -> tuple[Sensor, Array]:
     """What `drop_rings` leaves of a sensor: the line of every ring id, and the ids that there are (K,), top first."""
     if pattern == "average-pool":
         return pooled(sensor), np.arange(-(-sensor.ring_count // POOL))
-    return sensor, np.array(VLP16_RINGS) if pattern == "vlp16" else np.arange(phase, sensor.ring_count, 4)
+    return sensor, np.array(VLP16_RINGS) if pattern == "vlp16" else every_fourth(sensor.ring_count, phase)
 
 
 def pooled(sensor: Sensor) -> Sensor:

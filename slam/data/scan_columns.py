@@ -19,6 +19,7 @@ from slam.data.sensor import Sensor
 
 SAMPLES = 8  # scans with points that are looked at
 MOST_RINGS = 1024  # of a sensor that nobody has named
+COUNTS = (16, 32, 40, 64, 128)  # of rings that LiDARs have
 MANY = 0.05  # of a scan's points: where more have no ring, nothing is known of the others' either
 USUAL_INTENSITY = 255.0  # of most drivers
 BRIGHT = 99.0  # percentile that counts as full where values go beyond that
@@ -34,6 +35,7 @@ class Columns:
         ring_of: (K,) the ring, 0 on top, of each ring number in the files, -1 where there is none such; None where the
             files have no rings.
         sensor: The LiDAR's laser lines, None where they are unknown.
+        rings: How many rings the LiDAR has, by its sensor or counted; None where the files have none.
         problems: What is wrong with the columns as a whole.
     """
 
@@ -41,6 +43,7 @@ class Columns:
     full_intensity: float = USUAL_INTENSITY
     ring_of: Array | None = None
     sensor: Sensor | None = None
+    rings: int | None = None
     problems: tuple[Problem, ...] = ()
 
     def cloud(self, points: Points, stamp: float, path: Path) -> tuple[PointCloud, tuple[Problem, ...]]:
@@ -95,6 +98,7 @@ def find_columns(
     said: Conventions | None = None,
     period: float | None = None,
     where: object = "the scans",
+    compensated: bool = False,
 ) -> Columns:
     """What the columns of a drive mean.
 
@@ -104,6 +108,7 @@ def find_columns(
         said: What the user says of fields and stamps.
         period: Seconds from scan to scan, None where it is not known.
         where: What to name in messages.
+        compensated: Whether the motion within a sweep has been taken out of the scans, whatever the sensor says.
 
     Raises:
         InputError: The rings are not those of the sensor, or a field is not there that the user names.
@@ -114,11 +119,18 @@ def find_columns(
         times = find_point_times([Sample(points.times, points.xyz, stamp) for points, stamp in scans], period, said)
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
-    if sensor is not None and sensor.motion_compensated:
+    if compensated or (sensor is not None and sensor.motion_compensated):
         times = PointTimes(why="the scans are motion-compensated already", sweep=times.sweep, stamp=times.stamp)
     found = [points for points, _ in scans]
     ring_of, problems = _ring_numbers(found, sensor, where)
-    return Columns(times, said.full_intensity or _full_intensity(found), ring_of, sensor, problems)
+    rings = sensor.ring_count if sensor else None if ring_of is None else int(ring_of.max()) + 1
+    return Columns(times, said.full_intensity or _full_intensity(found), ring_of, sensor, rings, problems)
+
+
+def usual_rings(highest: int) -> int:
+    """How many rings a LiDAR has of which the `highest` number (from 0) is seen: as many as there are LiDARs with, for
+    the uppermost often see nothing but sky."""
+    return next((count for count in COUNTS if count > highest), 1 << highest.bit_length())
 
 
 def rings_by_lines(xyz: Array, sensor: Sensor) -> Array:
@@ -155,9 +167,8 @@ def _ring_numbers(
     if not found:
         return None, ()
     lowest, highest = (int(np.median([edge(ring) for _, ring in found])) for edge in (np.min, np.max))
-    # Without a sensor the next power of two stands for its rings, since the uppermost often see nothing but sky.
-    count = sensor.ring_count if sensor else max(16, 1 << max(highest, 0).bit_length())
-    from_one = bool(sensor) and highest == count and lowest >= 1
+    from_one = lowest >= 1 and highest in ((sensor.ring_count,) if sensor else COUNTS)
+    count = sensor.ring_count if sensor else usual_rings(max(highest - from_one, 0))
     wrong = [(ring - from_one < 0) | (ring - from_one >= count) for _, ring in found]
     if np.median([np.mean(each) for each in wrong]) > MANY:
         text = (

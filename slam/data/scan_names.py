@@ -13,9 +13,11 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.data.files import natural_key
 from slam.data.point_files import SUFFIXES
+from slam.data.problem import Problem
 from slam.data.stamp_digits import PER_SECOND, epoch_unit, seconds_of_pairs, unevenness
+from slam.data.stamps import mended, usual_step
 
-SCAN_FOLDERS = ("scans", "velodyne", "points", ".")
+SCAN_FOLDERS = ("scans", "velodyne", "points", "lidar", ".")
 #: Point files that a run writes into its folder.
 OWN = ("map.pcd",)
 COUNTED = 10**4  # minimum median step between numbers that are stamps in us,
@@ -64,15 +66,39 @@ def named_scans(path: Path) -> ScanNames:
     return ScanNames([], np.zeros(0, np.int64))
 
 
-def in_order(files: Sequence[Path]) -> ScanNames:
-    """Sort files, scans or images, by the stamps or the numbers in their names."""
+def in_order(files: Sequence[Path], unit: str | None = None) -> ScanNames:
+    """Sort files, scans or images, by the stamps or the numbers in their names.
+
+    `unit` states that names which are whole numbers are stamps in 's', 'ms', 'us' or 'ns'; by default it is estimated
+    from the names.
+    """
     files = sorted(files, key=natural_key)
-    found = _stamps_of([_stem(file) for file in files])
+    stems = [_stem(file) for file in files]
+    if unit and all(stem.isascii() and stem.isdigit() for stem in stems):
+        found: tuple[Array, str] | None = np.array([int(stem) / PER_SECOND[unit] for stem in stems]), unit
+    else:
+        found = _stamps_of(stems)
     if found is None:
         return ScanNames(files, numbers_of(files))
     stamps, unit = found
     order = np.argsort(stamps, kind="stable")
     return ScanNames([files[at] for at in order], np.arange(len(files)), stamps[order], unit)
+
+
+def stamps_of_names(path: Path, scans: ScanNames) -> tuple[Array | None, str, tuple[Problem, ...]]:
+    """Return the stamps in the names of scans.
+
+    Args:
+        path: Folder, for messages.
+        scans: The scans.
+
+    Returns:
+        Increasing stamps (N,) [s], or None if the names are not stamps; their source; and problems of what was mended.
+    """
+    if scans.stamps is None or (usual_step(scans.stamps) is None and len(scans.files) > 1):
+        return None, "assumed", ()
+    stamps, problems = mended(scans.stamps, f"{path}: names")
+    return stamps, f"the scans' names, {scans.unit}", problems
 
 
 def numbers_of(files: Sequence[Path]) -> Array:

@@ -12,9 +12,11 @@ from slam.data import conventions
 from slam.data.cloud import Array
 from slam.data.conventions import Conventions, read_conventions
 from slam.data.errors import InputError
+from slam.data.problem import Problem
 from slam.data.sensor_names import SENSORS
 from slam.data.yaml_files import numbers, read_mapping, suggest
 
+MAKERS = ("velodyne", "ouster", "hesai", "robosense")
 KEYS = ("model", "beams", "vertical_correction_deg", "motion_compensated", *conventions.KEYS)
 NEEDED = f"'model' (one of {', '.join(SENSORS.names())}) or 'beams' is needed"
 
@@ -28,6 +30,7 @@ class Sensor:
     vertical_correction  angle [rad] that every elevation has to be raised by before registration (`correct_vertical`)
     motion_compensated   its scans have been deskewed by their maker and must not be deskewed again
     azimuth              (R,) float64, radians: what the laser sees is so far to the left of where the head points
+    nominal              its lines are the design's or another unit's, where each unit has a calibration of its own
     """
 
     name: str
@@ -36,6 +39,7 @@ class Sensor:
     vertical_correction: float = 0.0
     motion_compensated: bool = False
     azimuth: Array = field(default=None, repr=False)  # type: ignore[arg-type]  # zeros, filled in below
+    nominal: bool = False
 
     def __post_init__(self) -> None:
         if self.azimuth is None:
@@ -55,33 +59,47 @@ class Sensor:
 
 
 def load_sensor(name_or_file: str | Path) -> Sensor:
-    """The built-in sensor of that name (one of SENSORS), or the one that a YAML file describes.
+    """The built-in sensor of that name (one of SENSORS), or the one that a file describes: an Ouster's metadata
+    (.json), or YAML.
 
-    Keys of the file: `model`, a built-in name or, with `beams`, any; `beams`, a list of [elevation_deg, offset_m] or
+    Keys of YAML: `model`, a built-in name or, with `beams`, any; `beams`, a list of [elevation_deg, offset_m] or
     [elevation_deg, offset_m, azimuth_deg], top first; `vertical_correction_deg`; `motion_compensated`; and those that
     say how its scans are read, see `Conventions`. Raises InputError on an unknown name or key, with the nearest right
     one, and on values that make no sense.
     """
-    if not _is_file(name_or_file):
+    if not is_sensor_file(name_or_file):
         return _built_in(str(name_or_file), "")
+    if Path(name_or_file).suffix.lower() == ".json":
+        from slam.data.packets.ouster_metadata import read_metadata
+
+        return read_metadata(Path(name_or_file)).sensor
     sensor = _from_file(Path(name_or_file))
     if sensor is None:
         raise InputError(f"{name_or_file}: {NEEDED}")
     return sensor
 
 
-def _is_file(name_or_file: str | Path) -> bool:
+def is_sensor_file(name_or_file: str | Path) -> bool:
+    """Whether that is a file that describes a sensor, not the name of a built-in one."""
     path = Path(name_or_file)
-    return path.suffix.lower() in (".yaml", ".yml") or path.is_file()
+    return path.suffix.lower() in (".yaml", ".yml", ".json") or path.is_file()
 
 
 def _built_in(name: str, where: str) -> Sensor:
     names = {_bare(known): known for known in SENSORS.names()}
-    key = _bare(name).removesuffix("e")
-    if key not in names:
+    key = next((key for key in _spellings(name) if key in names), None)
+    if key is None:
         hint = suggest(name.lower(), names.values())
         raise InputError(f"{where}unknown sensor '{name}'{hint}; other sensors are described in a sensor.yaml")
     return SENSORS.load(names[key])()
+
+
+def _spellings(name: str) -> list[str]:
+    """As it stands, and without what belongs to the maker's full name: 'Velodyne HDL-64E', 'PandarXT-32'."""
+    key = _bare(name)
+    for maker in MAKERS:
+        key = key.removeprefix(maker)
+    return [found.removesuffix("e") for found in (_bare(name), key, key.removeprefix("pandar"), f"rs{key}")]
 
 
 def _bare(name: str) -> str:
@@ -120,29 +138,43 @@ def _from_beams(path: Path, name: str, rows: Any) -> Sensor:
 def sensor_of_folder(folder: Path, override: str | Path | None, default: Sensor | None = None) -> Sensor | None:
     """The sensor of a data set: its folder's sensor.yaml, else `default`, unless `override` says otherwise.
 
-    A file overrides all of it; a built-in name says which lasers there are, and the folder's correction and motion
-    compensation stay.
+    A file overrides all of it; a built-in name says which lasers there are, and the folder whether the scans are
+    motion-compensated. A vertical correction is that of one sensor, and stays with another of its name only.
     """
     path = folder / "sensor.yaml"
     own = (_from_file(path) if path.is_file() else None) or default
     if override is None:
         return own
     sensor = load_sensor(override)
-    if own is None or _is_file(override):
+    if own is None or is_sensor_file(override):
         return sensor
-    return replace(sensor, vertical_correction=own.vertical_correction, motion_compensated=own.motion_compensated)
+    correction = own.vertical_correction if own.name == sensor.name else sensor.vertical_correction
+    return replace(sensor, vertical_correction=correction, motion_compensated=own.motion_compensated)
+
+
+def nominal_lines(sensor: Sensor | None, path: Path) -> tuple[Problem, ...]:
+    """A Problem where the laser lines of a data set at `path` are not those of the very sensor."""
+    if sensor is None or not sensor.nominal:
+        return ()
+    remedy = "lidarlift fit-lasers finds them from a drive"
+    if sensor.name.startswith("os"):
+        remedy = f"name the metadata that its tools write with a recording (--sensor FILE.json), or {remedy}"
+    text = f"{path}: the laser lines of {sensor.name} are nominal, and each has lines of its own: {remedy}"
+    return (Problem("nominal laser lines", text),)
 
 
 def conventions_of_folder(folder: Path, override: str | Path | None) -> Conventions:
     """How the scans of a data set are to be read: what its sensor.yaml says, and the file `override` before that."""
-    files = [folder / "sensor.yaml", *([Path(override)] if override is not None and _is_file(override) else [])]
+    said = [Path(override)] if override is not None and is_sensor_file(override) else []
+    files = [folder / "sensor.yaml", *(path for path in said if path.suffix.lower() != ".json")]
     return read_conventions([path for path in files if path.is_file()], KEYS)
 
 
 def kitti_sensor(folder: Path, override: str | Path | None, motion_compensated: bool) -> Sensor:
     """The same for a KITTI folder, by default the HDL-64E as KITTI ran it.
 
-    Its elevations are 0.205 deg too low (Deschaud, "IMLS-SLAM", ICRA 2018; the value is KISS-ICP's).
+    Its elevations are 0.205 deg too low (Deschaud, "IMLS-SLAM", ICRA 2018; the value is KISS-ICP's). Another LiDAR in
+    KITTI's layout, as converters write it, has no such error.
     """
     correction = float(np.deg2rad(0.205))
     kitti = replace(load_sensor("hdl64"), vertical_correction=correction, motion_compensated=motion_compensated)

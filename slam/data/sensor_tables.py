@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from importlib import resources
 
 import numpy as np
@@ -24,6 +24,12 @@ def vlp16() -> Sensor:
     """Velodyne VLP-16 user manual 63-9243, table of vertical angles and vertical corrections."""
     millimetres = [-11.2, -9.7, -8.1, -6.6, -5.1, -3.7, -2.2, -0.7, 0.7, 2.2, 3.7, 5.1, 6.6, 8.1, 9.7, 11.2]
     return Sensor("vlp16", np.deg2rad(np.arange(15.0, -16.0, -2.0)), np.array(millimetres) / 1000)
+
+
+@lru_cache(maxsize=1)
+def hdl32() -> Sensor:
+    """Velodyne HDL-32E user manual 63-9113: 32 lasers in one column, 4/3 deg apart."""
+    return _without_offsets("hdl32", 32 / 3 - 4 / 3 * np.arange(32), np.zeros(32))
 
 
 @lru_cache(maxsize=1)
@@ -54,28 +60,50 @@ def vls128() -> Sensor:
     return _without_offsets("vls128", elevation, azimuth)
 
 
-def os1_64() -> Sensor:
-    """Like an Ouster OS1-64 with 45 deg from top to bottom."""
-    return _os1(64)
+@cache
+def tabled(name: str, nominal: bool = False) -> Sensor:
+    """A sensor of laser_tables.csv, which says beside each table where it is from.
 
-
-def os1_128() -> Sensor:
-    """Like an Ouster OS1-128."""
-    return _os1(128)
-
-
-@lru_cache(maxsize=2)
-def _os1(rings: int) -> Sensor:
-    """Evenly from 22.5 to -22.5 deg, its lasers in four columns: nominal, for each Ouster has a calibration of its own.
-
-    The azimuths are the design values of Ouster's first generation, which its client counts clockwise.
+    Those that are nominal are of one unit, or of the design, where each unit has a calibration of its own.
     """
-    elevation = np.linspace(22.5, -22.5, rings)
-    return _without_offsets(f"os1-{rings}", elevation, _repeated([-3.164, -1.055, 1.055, 3.164], rings))
+    text = resources.files("slam.data").joinpath("laser_tables.csv").read_text(encoding="utf-8")
+    rows = [line.split(",")[1:] for line in text.splitlines() if line.startswith(f"{name},")]
+    elevation, azimuth = np.array(rows, np.float64).T
+    return _without_offsets(name, elevation, azimuth, nominal)
 
 
-def _without_offsets(name: str, elevation_deg: Array, azimuth_deg: Array) -> Sensor:
-    return Sensor(name, np.deg2rad(elevation_deg), np.zeros(len(elevation_deg)), azimuth=np.deg2rad(azimuth_deg))
+puck_hires = partial(tabled, "puck-hires")
+pandar40p, pandar64 = partial(tabled, "pandar40p", nominal=True), partial(tabled, "pandar64", nominal=True)
+xt16, xt32 = partial(tabled, "xt16", nominal=True), partial(tabled, "xt32", nominal=True)
+qt64 = partial(tabled, "qt64", nominal=True)
+rs16, rs32 = partial(tabled, "rs-16", nominal=True), partial(tabled, "rs-32", nominal=True)
+rs_helios, rs_ruby = partial(tabled, "rs-helios", nominal=True), partial(tabled, "rs-ruby", nominal=True)
+rs_bpearl = partial(tabled, "rs-bpearl", nominal=True)
+
+#: Degrees above and below the horizon, of the lines as they are sold (OS1: its data sheet, 128 channels; the first
+#: OS1s of 64 and 16 channels see 16.6).
+OUSTER_HALF_VIEW = {"os0": 45.0, "os1": 22.5, "os2": 11.25}
+#: Of an OS1's beams in turn, to the left [deg]: design values of its first generation, clockwise in Ouster's client.
+OS1_COLUMNS = [-3.164, -1.055, 1.055, 3.164]
+
+
+@cache
+def ouster(line: str, rings: int) -> Sensor:
+    """An Ouster of the lines os0, os1 and os2: evenly over its field of view, and so nominal, for each has a
+    calibration of its own, which its metadata (.json) have."""
+    half = OUSTER_HALF_VIEW[line]
+    azimuth = _repeated(OS1_COLUMNS, rings) if line == "os1" else np.zeros(rings)
+    return _without_offsets(f"{line}-{rings}", np.linspace(half, -half, rings), azimuth, nominal=True)
+
+
+os0_16, os0_32, os0_64, os0_128 = (partial(ouster, "os0", rings) for rings in (16, 32, 64, 128))
+os1_16, os1_32, os1_64, os1_128 = (partial(ouster, "os1", rings) for rings in (16, 32, 64, 128))
+os2_16, os2_32, os2_64, os2_128 = (partial(ouster, "os2", rings) for rings in (16, 32, 64, 128))
+
+
+def _without_offsets(name: str, elevation_deg: Array, azimuth_deg: Array, nominal: bool = False) -> Sensor:
+    offset, azimuth = np.zeros(len(elevation_deg)), np.deg2rad(azimuth_deg)
+    return Sensor(name, np.deg2rad(elevation_deg), offset, azimuth=azimuth, nominal=nominal)
 
 
 def _repeated(pattern: list[float], rings: int) -> Array:

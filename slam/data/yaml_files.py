@@ -20,19 +20,39 @@ def read_mapping(path: Path, known: Iterable[str]) -> dict[str, Any]:
     Raises:
         InputError: The file cannot be read, is not a mapping, or has a key that is not `known`.
     """
+    return checked_mapping(path, read_yaml(path), known)
+
+
+def read_yaml(path: Path) -> Any:
+    """Read a YAML file. Raises InputError if it cannot be read."""
     try:
         with path.open(encoding="utf-8") as file:
-            content = parsed(file.read(LONGEST + 1))
+            return parsed(file.read(LONGEST + 1))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except ValueError as error:  # also for text that is not UTF-8
         raise InputError(f"{path}: not YAML ({error})") from error
+
+
+def checked_mapping(path: Path, content: Any, known: Iterable[str], where: str = "") -> dict[str, Any]:
+    """Check the content of a YAML file, or of a part of it, as keys and values.
+
+    Args:
+        path: The file, for messages.
+        content: The parsed content.
+        known: The allowed keys.
+        where: Prefix of the keys in messages.
+
+    Raises:
+        InputError: As `read_mapping`.
+    """
     known = sorted(known)
     if not isinstance(content, dict):
-        raise InputError(f"{path}: lines like 'key: value' are expected, with the keys {', '.join(known)}")
+        place = f"'{where.rstrip('.')}': " if where else ""
+        raise InputError(f"{path}: {place}lines like 'key: value' are expected, with the keys {', '.join(known)}")
     for key in content:
         if key not in known:
-            raise InputError(f"{path}: unknown key '{_short(key)}'{suggest(_short(key), known)}")
+            raise InputError(f"{path}: unknown key '{where}{_short(key)}'{suggest(_short(key), known)}")
     return content
 
 

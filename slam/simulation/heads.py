@@ -68,6 +68,7 @@ class Head:
 HEADS = {
     "hdl64": Head(2156, 0.9, 80.0, 58.0, np.deg2rad(0.09), hidden=KITTI_CAR),
     "vlp16": Head(1800, 0.5, 100.0, 40.0, np.deg2rad(0.01)),  # user manual 63-9243
+    "hdl32": Head(2170, 1.0, 100.0, 40.0, np.deg2rad(0.01)),  # user manual 63-9113; a cycle takes 46.08 us
     "vlp32c": Head(1800, 1.0, 200.0, 60.0, np.deg2rad(0.01), 0.015, 0.012),  # user manual 63-9325
     "vls128": Head(1876, 0.5, 245.0, 75.0, np.deg2rad(0.01), 0.015, 0.012),  # a cycle takes 53.3 us
     "os1-64": Head(1024, 0.5, 120.0, 38.0, 2 * np.pi / 90112, 0.008, 0.015, together=True),

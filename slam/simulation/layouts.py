@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 import cv2
 import numpy as np
+from numpy.lib.recfunctions import repack_fields
 
 from slam.data import se3
 from slam.data.atomic import write_text, written_beside
@@ -47,6 +49,14 @@ class Layout(Protocol):
         """Write calibration, sensor, stamps and true poses of the sequence; `stamps` (N,) [s] are at mid-sweep."""
         ...
 
+    def holds(self, count: int) -> bool:
+        """Check whether one file, written by `put_together`, holds the first `count` frames."""
+        ...
+
+    def put_together(self, rig: Rig, count: int) -> None:
+        """Write the first `count` frames as one file and remove theirs, in layouts that are one file."""
+        ...
+
 
 class KittiLayout:
     """KITTI's odometry benchmark: stamps and camera-0 poses at mid-sweep, points ring by ring."""
@@ -66,8 +76,8 @@ class KittiLayout:
     def write(self, frame: SimulatedFrame, number: int) -> None:
         """See `Layout`."""
         files = self.files(number)
-        _write_truth(files, frame)
-        _write(files["scan"], _bin(frame.scan))
+        write_truth(files, frame)
+        write_bytes(files["scan"], _bin(frame.scan))
 
     def write_surroundings(self, rig: Rig, stamps: Array) -> None:
         """See `Layout`."""
@@ -77,9 +87,16 @@ class KittiLayout:
         write_text(self._sequence / "calib.txt", "\n".join(lines) + "\n")
         write_text(self._sequence / "times.txt", "".join(f"{stamp:e}\n" for stamp in stamps))
         correction = "vertical_correction_deg: 0.0\n"  # the loader's own for KITTI is that of KITTI's LiDAR
-        write_text(self._sequence / "sensor.yaml", f"model: {rig.lidar.sensor.name}\n{correction}{_compensated(rig)}")
+        write_text(self._sequence / "sensor.yaml", sensor_text(rig) + correction)
         poses = Tr @ rig.poses @ se3.inverse(Tr)
         write_text(self._folder / "poses" / f"{SEQUENCE}.txt", kitti_text(se3.inverse(poses[0]) @ poses))
+
+    def holds(self, count: int) -> bool:
+        """See `Layout`."""
+        return False
+
+    def put_together(self, rig: Rig, count: int) -> None:
+        """See `Layout`."""
 
 
 class FolderLayout:
@@ -87,10 +104,19 @@ class FolderLayout:
 
     A sweep begins where the head points to the rear. The clock starts with the first sweep. poses.txt has
     T_world_lidar at the stamps; images are of mid-sweep.
+
+    Args:
+        folder: Folder to write into.
+        period: Duration of a sweep [s].
+        stamp: Instant of a sweep to which stamps and poses refer.
+        fill: Makes the points of a scan and its frame number, an array of the fields to write; by default FIELDS.
     """
 
-    def __init__(self, folder: Path, period: float, stamp: str) -> None:
+    def __init__(
+        self, folder: Path, period: float, stamp: str, fill: Callable[[Scan, int], Array] | None = None
+    ) -> None:
         self._folder, self._period, self._instant = folder, period, INSTANTS[stamp]
+        self._fill = fill or self._points
 
     def files(self, number: int) -> dict[str, Path]:
         """See `Layout`."""
@@ -104,8 +130,8 @@ class FolderLayout:
     def write(self, frame: SimulatedFrame, number: int) -> None:
         """See `Layout`."""
         files = self.files(number)
-        _write_truth(files, frame)
-        _write(files["scan"], _pcd(self._points(frame.scan)))
+        write_truth(files, frame)
+        write_bytes(files["scan"], _pcd(self._fill(frame.scan, number)))
 
     def write_surroundings(self, rig: Rig, stamps: Array) -> None:
         """See `Layout`."""
@@ -116,9 +142,16 @@ class FolderLayout:
         matrices = {"K": rig.calibration.K, "T_camera_lidar": rig.calibration.T_camera_lidar}
         calibration = "".join(f"{name}: {matrix.tolist()}\n" for name, matrix in matrices.items())
         write_text(self._folder / "calib.yaml", calibration)
-        write_text(self._folder / "sensor.yaml", f"model: {rig.lidar.sensor.name}\n{_compensated(rig)}")
+        write_text(self._folder / "sensor.yaml", sensor_text(rig))
 
-    def _points(self, scan: Scan) -> Array:
+    def holds(self, count: int) -> bool:
+        """See `Layout`."""
+        return False
+
+    def put_together(self, rig: Rig, count: int) -> None:
+        """See `Layout`."""
+
+    def _points(self, scan: Scan, number: int) -> Array:
         """(N,) of FIELDS."""
         points = np.empty(len(scan.xyz), FIELDS)
         for axis, name in enumerate("xyz"):
@@ -128,18 +161,22 @@ class FolderLayout:
         return points[np.argsort(scan.fraction, kind="stable")]
 
 
-def _compensated(rig: Rig) -> str:
-    return f"motion_compensated: {'false' if rig.distort else 'true'}\n"
+def sensor_text(rig: Rig) -> str:
+    """Return the content of sensor.yaml; it has the laser lines of a sensor whose built-in lines are nominal."""
+    sensor = rig.lidar.sensor
+    beams = np.column_stack([np.rad2deg(sensor.elevation), sensor.offset, np.rad2deg(sensor.azimuth)])
+    lines = f"model: {sensor.name}\n" + (f"beams: {beams.tolist()}\n" if sensor.nominal else "")
+    return f"{lines}motion_compensated: {'false' if rig.distort else 'true'}\n"
 
 
-def _write_truth(files: dict[str, Path], frame: SimulatedFrame) -> None:
+def write_truth(files: dict[str, Path], frame: SimulatedFrame) -> None:
     """Image, depth and exact scan, where the frame has them."""
     if frame.image is not None:
-        _write(files["image"], _png(frame.image[..., ::-1]))
+        write_bytes(files["image"], _png(frame.image[..., ::-1]))
     if frame.depth is not None:
-        _write(files["depth"], _png(np.minimum(np.round(frame.depth * DEPTH_SCALE), 65535).astype(np.uint16)))
+        write_bytes(files["depth"], _png(np.minimum(np.round(frame.depth * DEPTH_SCALE), 65535).astype(np.uint16)))
     if frame.exact is not None:
-        _write(files["exact"], _bin(frame.exact))
+        write_bytes(files["exact"], _bin(frame.exact))
 
 
 def _bin(scan: Scan) -> bytes:
@@ -151,7 +188,9 @@ def _png(image: Array) -> bytes:
 
 
 def _pcd(points: Array) -> bytes:
-    """A structured array (N,) as binary PCD, version 0.7."""
+    """A structured array, (N,) or organised (H, W), as binary PCD, version 0.7."""
+    height, width = points.shape if points.ndim > 1 else (1, len(points))
+    points = repack_fields(points)
     types = [points.dtype[name] for name in points.dtype.names or ()]
     header = {
         "VERSION": "0.7",
@@ -159,16 +198,17 @@ def _pcd(points: Array) -> bytes:
         "SIZE": " ".join(str(kind.itemsize) for kind in types),
         "TYPE": " ".join(kind.kind.upper() for kind in types),
         "COUNT": " ".join("1" for _ in types),
-        "WIDTH": len(points),
-        "HEIGHT": 1,
+        "WIDTH": width,
+        "HEIGHT": height,
         "VIEWPOINT": "0 0 0 1 0 0 0",
-        "POINTS": len(points),
+        "POINTS": points.size,
         "DATA": "binary",
     }
     lines = "".join(f"{key} {value}\n" for key, value in header.items())
     return lines.encode() + points.tobytes()
 
 
-def _write(path: Path, content: bytes) -> None:
+def write_bytes(path: Path, content: bytes) -> None:
+    """A file, whole or not at all."""
     with written_beside(path) as temporary:
         temporary.write_bytes(content)

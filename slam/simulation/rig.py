@@ -59,6 +59,7 @@ class Rig:
         poses: (N, 4, 4) T_world_lidar at mid-sweep, when the image is taken too.
         T_camera0_lidar: (4, 4); the camera stays level when the LiDAR is tilted.
         calibration: Calibration of the camera.
+        height: Height of the LiDAR above the ground [m].
     """
 
     def __init__(
@@ -76,7 +77,7 @@ class Rig:
         self.distort, self._truth, self._camera = distort, truth, camera
         rng = np.random.default_rng([seed, 0])
         self.scene = SCENES.load(drive.scene)(drive, seed, rng)
-        height = mount.height or drive.height or LIDAR_HEIGHT
+        self.height = height = mount.height or drive.height or LIDAR_HEIGHT
         T_level_lidar = se3.exp(np.array([0, mount.tilt, 0, 0, 0, 0.0]))
         self.lidar = lidar if (height, mount.tilt) == (LIDAR_HEIGHT, 0) else lidar.unhidden()
         self.T_camera0_lidar = TR @ T_level_lidar

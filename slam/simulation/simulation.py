@@ -17,18 +17,25 @@ from pathlib import Path
 import numpy as np
 
 from slam.data.atomic import write_text
+from slam.data.cloud import Array
 from slam.data.conventions import INSTANTS
 from slam.data.errors import InputError
 from slam.data.machine import usable_cores
-from slam.data.sensor_names import SENSORS
+from slam.data.recordings.writer import FORMS
+from slam.data.sensor_names import SIMULATED
+from slam.data.yaml_files import suggest
 from slam.simulation.drive_names import DRIVES
+from slam.simulation.drivers import DRIVERS, Timing, usual_driver
 from slam.simulation.drives import RATE, at_rate, built_in, from_file, thinned
 from slam.simulation.fingerprint import fingerprint
 from slam.simulation.heads import Lidar
 from slam.simulation.layouts import FolderLayout, KittiLayout, Layout
+from slam.simulation.lidar import Scan
+from slam.simulation.recorded_layout import RecordedLayout
 from slam.simulation.rig import Mount, Rig
 from slam.simulation.scene import SCENES
 
+FORMATS = ("kitti", "folder", *FORMS)
 FEW = 8  # so many frames are written before other processes have started
 MOST = 4  # processes: each holds a town
 
@@ -50,8 +57,11 @@ class SimulationConfig:
         rate: Rotation rate of the LiDAR and frame rate [Hz].
         height: Height of the LiDAR above the ground [m]; None: the drive's default, mostly that of KITTI's car.
         tilt: Pitch of the LiDAR [rad], positive downwards.
-        format: kitti or folder, see `KittiLayout`, `FolderLayout`.
-        stamp: start, middle or end: the instant of a sweep to which stamp and pose refer; the middle for kitti.
+        format: One of FORMATS, see `KittiLayout`, `FolderLayout`, `RecordedLayout`.
+        stamp: start, middle or end: the instant of a sweep to which stamp and pose refer; the middle for kitti. None:
+            the driver's, else the middle.
+        driver: Name of the driver whose fields the points have, one of DRIVERS. None: none in a folder, the LiDAR's
+            in a recording.
     """
 
     drive: str = "loop"
@@ -67,7 +77,8 @@ class SimulationConfig:
     height: float | None = None
     tilt: float = 0.0
     format: str = "kitti"
-    stamp: str = "middle"
+    stamp: str | None = None
+    driver: str | None = None
 
     def check(self) -> None:
         """Check the settings.
@@ -75,13 +86,21 @@ class SimulationConfig:
         Raises:
             InputError: A value does not exist, or two settings conflict.
         """
-        SENSORS.require(self.sensor)
-        if self.format not in ("kitti", "folder") or self.stamp not in INSTANTS:
-            raise InputError(f"format '{self.format}', stamp '{self.stamp}': kitti or folder; {', '.join(INSTANTS)}")
-        if self.stamp != "middle" and self.format == "kitti":
+        SIMULATED.require(self.sensor)
+        if self.format not in FORMATS or self.stamp not in (None, *INSTANTS):
+            raise InputError(
+                f"format '{self.format}', stamp '{self.stamp}': {', '.join(FORMATS)}; {', '.join(INSTANTS)}"
+            )
+        if self.driver not in (None, *DRIVERS):
+            raise InputError(f"--driver {self.driver}{suggest(self.driver or '', DRIVERS)}")
+        if self.driver is not None and self.format == "kitti":
+            raise InputError(f"--driver {self.driver}: KITTI's scans have no fields; add --format folder, bag or mcap")
+        if self.stamp not in (None, "middle") and self.format == "kitti":
             raise InputError(f"--stamp {self.stamp}: KITTI's stamps are at mid-sweep; add --format folder")
-        if self.stamp != "middle" and not self.distort:
+        if self.stamp not in (None, "middle") and not self.distort:
             raise InputError(f"--stamp {self.stamp}: the LiDAR does not move during a sweep; add --distort")
+        if self.used_driver:
+            DRIVERS[self.used_driver].stamp_or(self.stamp, self.used_driver)
         if self.rate != RATE and self.spacing is not None:
             raise InputError(f"--rate {self.rate:g}: conflicts with --spacing; leave one of the two out")
         if not 1 <= self.rate <= 100:
@@ -90,6 +109,19 @@ class SimulationConfig:
             raise InputError(f"--height {self.height:g}: give 0 to 20 m above the ground")
         if not abs(self.tilt) < np.pi / 2:
             raise InputError(f"--tilt {np.rad2deg(self.tilt):g}: give -90 to 90 deg")
+
+    @property
+    def used_driver(self) -> str | None:
+        """The name of the driver whose fields points have, None for none."""
+        return self.driver or (usual_driver(self.sensor) if self.format in FORMS else None)
+
+    @property
+    def used_stamp(self) -> str:
+        """The instant of a sweep that its stamp belongs to."""
+        if not self.used_driver:
+            return self.stamp or "middle"
+        driver = DRIVERS[self.used_driver]
+        return driver.stamp_or(self.stamp, self.used_driver) if self.distort or driver.fixed else "middle"
 
 
 class Simulation:
@@ -137,11 +169,10 @@ class Simulation:
 
     def missing(self, folder: Path, frames: int | None = None) -> list[int]:
         """Return the numbers of the first `frames` frames, or of all, that are not in the folder."""
-        return [
-            number
-            for number in self._numbers(frames)
-            if not all(path.is_file() for path in self._files(folder, number))
-        ]
+        numbers = self._numbers(frames)
+        if self._layout(folder).holds(len(numbers)):
+            return []
+        return [number for number in numbers if not all(path.is_file() for path in self._files(folder, number))]
 
     def write(self, folder: Path, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> None:
         """Write frames in parallel processes; frames in the folder are kept, so an interrupted simulation is resumed.
@@ -158,17 +189,19 @@ class Simulation:
         """
         if not self.matches(folder):
             raise InputError(f"{folder}: has other content; choose a new folder, or empty this one")
+        layout = self._layout(folder)
         missing = self.missing(folder, frames)
         for _ in range(len(self._numbers(frames)) - len(missing)):
             on_frame()
         write_text(folder / "simulation.json", self._about())
-        self._layout(folder).write_surroundings(self.rig, self.drive.stamps)
+        layout.write_surroundings(self.rig, self.drive.stamps)
         if len(missing) <= FEW:
             for number in missing:
                 self.write_frame(folder, number)
                 on_frame()
         else:
             self._share_out(folder, missing, on_frame)
+        layout.put_together(self.rig, len(self._numbers(frames)))
 
     def write_frame(self, folder: Path, number: int) -> None:
         """Write one frame into the folder of the simulation."""
@@ -200,7 +233,20 @@ class Simulation:
         settings = self.settings
         if settings.format == "kitti":
             return KittiLayout(folder)
-        return FolderLayout(folder, 1 / settings.rate, settings.stamp)
+        period, stamp = 1 / settings.rate, settings.used_stamp
+        if settings.format == "folder":
+            return FolderLayout(folder, period, stamp, self._fill if settings.driver else None)
+        driver = DRIVERS[str(settings.used_driver)]
+        return RecordedLayout(folder, settings.format, driver, self._fill, period, stamp, settings.seed)
+
+    def _fill(self, scan: Scan, number: int) -> Array:
+        """The points of a scan in the fields of the driver."""
+        settings = self.settings
+        lidar, period = Lidar.of(settings.sensor, settings.rate), 1 / settings.rate
+        instant = INSTANTS[settings.used_stamp]
+        rings, moving = lidar.sensor.ring_count, settings.distort
+        timing = Timing(number * period, instant, period, rings, lidar.columns, moving)
+        return DRIVERS[str(settings.used_driver)].fill(scan, timing)
 
     def _files(self, folder: Path, number: int) -> list[Path]:
         """The files that a frame has with these settings."""
@@ -237,9 +283,11 @@ class Simulation:
 
     def _unusual(self) -> dict[str, object]:
         """Settings added in later versions that differ from their defaults."""
-        later = ("rate", "height", "tilt", "format", "stamp")
-        values = {name: getattr(self.settings, name) for name in later}
-        return {name: value for name, value in values.items() if value != getattr(SimulationConfig, name)}
+        later = ("rate", "height", "tilt", "format")
+        values: dict[str, object] = {name: getattr(self.settings, name) for name in later}
+        unusual = {name: value for name, value in values.items() if value != getattr(SimulationConfig, name)}
+        stamp, driver = self.settings.used_stamp, self.settings.used_driver
+        return unusual | ({"stamp": stamp} if stamp != "middle" else {}) | ({"driver": driver} if driver else {})
 
 
 def processes() -> int:

@@ -689,7 +689,7 @@ def many_images(_: Bench) -> None:
     stamps = 0.1 * np.arange(36_000)
     files = [Path(f"{number}.png") for number in range(36_000)]
     tracemalloc.start()
-    found = images._nearest(files, stamps + 0.01, stamps)
+    found = images.nearest_images(files, stamps + 0.01, stamps)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert found == files
@@ -764,10 +764,13 @@ def fisheye(bench: Bench) -> None:
     with pytest.raises(InputError, match=r"may be k1 k2 k3 k4 of a fisheye lens.*say model: pinhole"):
         open_dataset(bench.folder)
     path.write_text(CALIBRATION + "distortion: [-0.03, 0.02, -0.05, 0.03]\nmodel: equidistant\n")
-    with pytest.raises(InputError, match="fisheye lenses are not supported; rectify the images"):
-        open_dataset(bench.folder)
+    calibration = open_dataset(bench.folder).calibration
+    assert calibration is not None
+    assert calibration.fisheye
     path.write_text(CALIBRATION + "distortion: [-0.03, 0.02, -0.05, 0.03]\nmodel: plumb_bob\n")
-    assert open_dataset(bench.folder).calibration is not None
+    calibration = open_dataset(bench.folder).calibration
+    assert calibration is not None
+    assert not calibration.fisheye
     path.write_text(CALIBRATION + "model: omnidirectional\n")
     with pytest.raises(InputError, match="unknown model 'omnidirectional'; known: pinhole"):
         open_dataset(bench.folder)
@@ -846,7 +849,13 @@ IMAGES = [
     Case(
         "R23d", "16-bit images", "nearly black for a 12-bit camera", "scaled to 8 bits by the bits in use", sixteen_bits
     ),
-    Case("R23e", "coefficients of a fisheye lens", "read as k1 k2 p1 p2", "refused, or `model` is required", fisheye),
+    Case(
+        "R23e",
+        "coefficients of a fisheye lens",
+        "read as k1 k2 p1 p2",
+        "read as `model` states, else required",
+        fisheye,
+    ),
 ]
 
 

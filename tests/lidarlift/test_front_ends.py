@@ -8,10 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lidarlift.front_ends import front_end_maker
+from lidarlift.comparing import available_inputs
+from lidarlift.front_ends import front_end_for, front_end_maker, settings_for
 from slam.config import load_config
 from slam.data.cloud import Array
-from slam.data.dataset import open_dataset
+from slam.data.dataset import open_dataset, ring_count
+from slam.data.errors import InputError
+from slam.data.folder import UserFolder
+from slam.data.sensor import load_sensor
 from slam.pipeline import Pipeline
 
 #: Ranges that are a millimetre longer each time it is asked.
@@ -55,3 +59,59 @@ def test_a_pipeline_gives_the_same_bytes_each_time(
     assert one.poses.tobytes() == two.poses.tobytes()
     for name in ("xyz", "intensity"):
         assert getattr(one.map, name).tobytes() == getattr(two.map, name).tobytes()
+
+
+def ring_drive(folder: Path, rings: int) -> UserFolder:
+    """Two scans with a ring field, counted from the bottom, of a LiDAR that nobody names."""
+    ring = np.tile(np.arange(rings), 60)
+    azimuth, elevation = np.repeat(np.arange(60) * np.pi / 30, rings), np.linspace(-0.4, 0.3, rings)[ring]
+    points = np.zeros(len(ring), [("x", "f4"), ("y", "f4"), ("z", "f4"), ("ring", "u2")])
+    points["x"], points["y"], points["z"] = 9 * np.cos(azimuth), 9 * np.sin(azimuth), 9 * np.tan(elevation)
+    points["ring"] = ring
+    for number in range(2):
+        np.save(folder / f"{number}.npy", points)
+    return UserFolder(folder)
+
+
+@pytest.mark.parametrize(("rings", "left"), [(16, 16), (32, 16), (40, 16), (64, 16), (128, 16)])
+def test_sixteen_rings_of_a_lidar_that_nobody_names(tmp_path: Path, rings: int, left: int) -> None:
+    data = ring_drive(tmp_path, rings)
+    assert ring_count(data) == rings
+    settings = settings_for(ring_count(data), "16").front_end
+    cloud = front_end_for(settings, data.sensor, data.path, ring_count(data))(data[0], [])
+    assert cloud.ring is not None
+    assert len(np.unique(cloud.ring)) == left
+    assert cloud.xyz[cloud.ring == 0, 2].min() > 2  # the uppermost is ring 0, and stays
+
+
+@pytest.mark.parametrize(("rings", "default"), [(None, "64"), (16, "16"), (32, "full"), (64, "64"), (128, "full")])
+def test_all_rings_are_taken_where_nothing_is_asked_for(rings: int | None, default: str) -> None:
+    assert settings_for(rings).front_end.input == default
+    assert settings_for(rings, "full").front_end.input == "full"
+
+
+@pytest.mark.parametrize("rings", [16, 32, 128])
+def test_64_is_of_64_rings(rings: int) -> None:
+    with pytest.raises(InputError, match=f"has {rings} rings; use --input full"):
+        settings_for(rings, "64")
+
+
+@pytest.mark.parametrize(
+    ("name", "inputs"),
+    [
+        ("vlp16", ["16", "enriched"]),
+        ("hdl32", ["16", "enriched", "64"]),
+        ("hdl64", ["16", "enriched", "64"]),
+        ("os0-128", ["16", "64"]),
+    ],
+)
+def test_what_can_be_compared(tmp_path: Path, name: str, inputs: list[str]) -> None:
+    np.save(tmp_path / "0.npy", np.ones((50, 4), np.float32))
+    assert available_inputs(UserFolder(tmp_path, name)) == inputs
+
+
+@pytest.mark.parametrize("method", ["ray-segment", "lift"])
+def test_a_lidar_too_dense_to_enrich_is_refused_with_the_reason(method: str) -> None:
+    settings = load_config(input="enriched", enricher=method).front_end
+    with pytest.raises(InputError, match=r"os1-128 has 128 rings, too dense for virtual beams .* --input full"):
+        front_end_for(settings, load_sensor("os1-128"), "drive")

@@ -105,7 +105,7 @@ def test_enrichment_without_a_sensor_is_an_error() -> None:
 
 def test_input_64_of_a_16_ring_sensor_is_an_error() -> None:
     assert load_sensor("vlp16").ring_count == 16
-    with pytest.raises(lidarlift.InputError, match="vlp16 does not have 64 rings"):
+    with pytest.raises(lidarlift.InputError, match="--input 64: the LiDAR has 16 rings; use --input full"):
         lidarlift.Slam("vlp16", input="64")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -65,7 +67,48 @@ def test_scans_of_a_16_ring_sensor_are_unchanged(frame: Frame) -> None:
     assert RingFrontEnd(FrontEndSettings(input="16"), load_sensor("vlp16"))(frame, []) is frame.cloud
 
 
-def test_input_16_of_sensors_between_16_and_64_rings_is_an_error() -> None:
-    sensor = Sensor("hdl32", np.deg2rad(np.linspace(10, -30, 32)), np.zeros(32))
-    with pytest.raises(InputError, match="--input 64"):
-        RingFrontEnd(FrontEndSettings(input="16"), sensor)
+def cloud_of(rings: int, seen: int | None = None) -> PointCloud:
+    """A point a ring, of the rings that are `seen`."""
+    seen = seen or rings
+    return PointCloud(np.ones((seen, 3)), np.ones(seen), ring=np.arange(rings)[-seen:])
+
+
+@pytest.mark.parametrize(
+    ("rings", "kept"),
+    [
+        (16, list(range(16))),
+        (32, list(range(0, 32, 2))),
+        (40, [0, 2, 5, 7, 10, 12, 15, 17, 20, 22, 25, 27, 30, 32, 35, 37]),
+        (64, list(range(0, 64, 4))),
+        (128, list(range(0, 128, 8))),
+    ],
+)
+@pytest.mark.parametrize("known", ["by sensor", "counted", "by the first scan"])
+def test_16_of_any_number_of_rings(rings: int, kept: list[int], known: str) -> None:
+    settings, sensor = FrontEndSettings(input="16"), Sensor("s", np.linspace(0.3, -0.3, rings), np.zeros(rings))
+    front_end = {
+        "by sensor": RingFrontEnd(settings, sensor),
+        "counted": RingFrontEnd(settings, rings=rings),
+        "by the first scan": RingFrontEnd(settings),
+    }[known]
+    for cloud in (cloud_of(rings), cloud_of(rings, seen=3)):
+        given = front_end(Frame(0, 0.0, cloud), [])
+        assert given.ring is not None
+        assert given.ring.tolist() == [ring for ring in kept if ring in cloud.ring]
+    assert len(RingFrontEnd(FrontEndSettings(input="full"), sensor)(Frame(0, 0.0, cloud_of(rings)), [])) == rings
+
+
+@pytest.mark.parametrize(
+    ("rings", "setting", "fault"),
+    [
+        (32, {"phase": 2}, "0 to 1 exist for 32 rings"),
+        (128, {"drop": "vlp16"}, "drops rings of 64, and there are 128"),
+        (40, {"drop": "average-pool"}, "drops rings of 64, and there are 40"),
+    ],
+)
+def test_patterns_of_other_numbers_of_rings_are_refused_at_once(
+    rings: int, setting: dict[str, Any], fault: str
+) -> None:
+    with pytest.raises(InputError, match=fault):
+        RingFrontEnd(FrontEndSettings(input="16", **setting), rings=rings)
+    RingFrontEnd(FrontEndSettings(input="full", **setting), rings=rings)

@@ -88,3 +88,13 @@ def test_damaged_weights_are_an_error(method: LiftMethod, tmp_path: Path) -> Non
     (tmp_path / "lift.onnx").write_bytes(b"nothing of the kind")
     with pytest.raises(InputError, match=r"lift\.onnx: not an ONNX network"):
         LiftMethod(tmp_path)
+
+
+def test_without_rays_between_the_rings_it_predicts_nothing(
+    method: LiftMethod, sparse: Callable[..., SparseScan]
+) -> None:
+    scan = sparse()
+    found = method(scan, RayGrid(scan.lines.only(scan.rings)))
+    assert not found.ranges.any()
+    assert not found.trusted.any()
+    assert np.isinf(found.sigma).all()

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
 
 from slam.data.cloud import PointCloud
 from slam.data.point_files import read_cloud, read_points
@@ -78,8 +80,33 @@ def test_a_damaged_map_is_an_error_of_one_line(lidarlift: Command) -> None:
 
 
 @pytest.mark.usefixtures("finished")
+def test_a_run_is_exported_for_viewers(lidarlift: Command) -> None:
+    """What rosbags reads of it: the way, the map, and where the LiDAR was at each stamp."""
+    assert lidarlift("export", "r", "run.mcap").code == 0
+    stamps, poses = read_poses(Path("r/trajectory_tum.txt"))
+    assert stamps is not None
+    types, found = get_typestore(Stores.ROS2_HUMBLE), dict[str, list[Any]]()
+    with Reader("run.mcap") as reader:
+        for connection, time, data in reader.messages():
+            found.setdefault(connection.topic, []).append((time, types.deserialize_cdr(data, connection.msgtype)))
+    assert {topic: len(messages) for topic, messages in found.items()} == {
+        **{"/lidarlift/map": 1, "/lidarlift/path": 1, "/lidarlift/odometry": len(poses), "/tf": len(poses)},
+    }
+    time, last = found["/lidarlift/odometry"][-1]
+    place = last.pose.pose.position
+    assert time / 1e9 == pytest.approx(stamps[-1], abs=1e-6)
+    assert (last.header.frame_id, last.child_frame_id) == ("map", "lidar")
+    np.testing.assert_allclose([place.x, place.y, place.z], poses[-1][:3, 3], atol=1e-8)
+    assert len(found["/lidarlift/path"][0][1].poses) == len(poses)
+    cloud, own = found["/lidarlift/map"][0][1], read_points(Path("r/map.pcd"))
+    assert [field.name for field in cloud.fields][:4] == ["x", "y", "z", "intensity"]
+    table = np.frombuffer(cloud.data.tobytes(), np.float32).reshape(-1, cloud.point_step // 4)
+    np.testing.assert_array_equal(table[:, :3], own.xyz)
+
+
+@pytest.mark.usefixtures("finished")
 def test_an_unknown_suffix_is_an_error(lidarlift: Command) -> None:
-    lidarlift("export", "r", "out.txt").refused("--format kitti, tum, pcd, ply, las or laz")
+    lidarlift("export", "r", "out.txt").refused("--format kitti, tum, pcd, ply, las, laz or mcap")
 
 
 @pytest.mark.parametrize(

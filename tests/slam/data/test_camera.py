@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slam.data.camera import project, visible, with_colour
-from slam.data.cloud import Array, Calibration, PointCloud
+from slam.data.camera import project, visible, with_colour, with_colours
+from slam.data.cloud import Array, Calibration, PointCloud, View
 
 # A camera 0.2 m before and 0.1 m below the LiDAR, looking ahead.
 LOOKING_AHEAD = np.array([[0, -1, 0, 0.0], [0, 0, -1, -0.1], [1, 0, 0, -0.2], [0, 0, 0, 1.0]])
@@ -54,6 +54,48 @@ def test_distortion_is_opencvs(count: int) -> None:
     R, t = cv2.Rodrigues(LOOKING_AHEAD[:3, :3])[0], LOOKING_AHEAD[:3, 3]
     expected, _ = cv2.projectPoints(xyz, R, t, CALIBRATION.K, np.array(distortion))
     np.testing.assert_allclose(pixels, expected[:, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("coefficients", [(), (-0.02, 0.01, -0.005, 0.001)])
+def test_a_fisheye_is_opencvs(coefficients: tuple[float, ...]) -> None:
+    """To 80 degrees off the axis."""
+    import cv2
+
+    rng = np.random.default_rng(0)
+    off, around, reach = rng.uniform(0, np.deg2rad(80), 200), rng.uniform(0, 2 * np.pi, 200), rng.uniform(2, 30, 200)
+    seen = reach[:, None] * np.column_stack([np.sin(off) * np.cos(around), np.sin(off) * np.sin(around), np.cos(off)])
+    xyz = (seen - LOOKING_AHEAD[:3, 3]) @ LOOKING_AHEAD[:3, :3]
+    pixels, depth = project(xyz, replace(CALIBRATION, distortion=coefficients, fisheye=True))
+    K, D = CALIBRATION.K, np.array(coefficients or (0.0,) * 4)
+    expected, _ = cv2.fisheye.projectPoints(seen[:, None], np.zeros(3), np.zeros(3), K, D)
+    np.testing.assert_allclose(pixels, expected[:, 0], atol=1e-9)
+    np.testing.assert_allclose(depth, seen[:, 2])
+
+
+def test_a_fisheye_by_hand() -> None:
+    """45 degrees to the left, and straight ahead: in the middle."""
+    pixels, _ = project(np.array([[5.2, 5.0, -0.1], [5.2, 0, -0.1]]), replace(CALIBRATION, fisheye=True))
+    np.testing.assert_allclose(pixels, [[50 - 100 * np.pi / 4, 40], [50, 40]])
+
+
+def test_a_fisheyes_colours_are_where_it_draws_them() -> None:
+    image = np.zeros((100, 300, 3), np.uint8)
+    image[40, 150 - 79] = (10, 20, 30)  # 45 degrees to the left; a pinhole camera would draw it at 150 - 100
+    K = np.array([[100.0, 0, 150], [0, 100.0, 40], [0, 0, 1]])
+    points = cloud((5.2, 5.0, -0.1))
+    for fisheye, colour in ((True, [10, 20, 30]), (False, [1, 1, 1])):
+        coloured = with_colour(points, image, Calibration(K, LOOKING_AHEAD, fisheye=fisheye)).colour
+        assert coloured is not None
+        assert coloured.tolist() == [colour]
+
+
+def test_a_fisheye_model_does_not_fold_the_outside_into_the_image() -> None:
+    """t (1 - 0.3 t^2) is largest at t = 1.054, 60.4 degrees off the axis."""
+    folding = replace(CALIBRATION, fisheye=True, distortion=(-0.3, 0.0, 0.0, 0.0))
+    left = 5 * np.tan(np.deg2rad([60, 61]))
+    pixels, _ = project(np.column_stack([[5.2, 5.2], left, [-0.1, -0.1]]), folding)
+    assert np.isfinite(pixels[0]).all()
+    assert np.isnan(pixels[1]).all()
 
 
 def test_a_lens_model_does_not_fold_the_outside_into_the_image() -> None:
@@ -112,3 +154,14 @@ def test_no_points() -> None:
     coloured = with_colour(cloud(), np.zeros((*SHAPE, 3), np.uint8), CALIBRATION)
     assert coloured.colour is not None
     assert coloured.colour.shape == (0, 3)
+
+
+def test_each_point_has_the_colour_of_the_first_camera_that_saw_it() -> None:
+    backwards = Calibration(CALIBRATION.K, LOOKING_AHEAD @ np.diag([-1.0, -1, 1, 1]))
+    red, blue = (np.full((*SHAPE, 3), colour, np.uint8) for colour in ((200, 0, 0), (0, 0, 200)))
+    points = cloud((5, 0, 0), (-5, 0, 0), (0, 5, 0))
+    views = [View(CALIBRATION, lambda: red), View(CALIBRATION, lambda: blue), View(backwards, lambda: blue)]
+    colour = with_colours(points, views).colour
+    assert colour is not None
+    assert colour.tolist() == [[200, 0, 0], [0, 0, 200], [0, 0, 0]]
+    assert with_colours(points, [View(CALIBRATION, lambda: None)]).colour is None

@@ -60,9 +60,9 @@ def test_what_is_no_drive_is_refused_with_what_was_looked_for(tmp_path: Path) ->
         open_dataset(tmp_path)
     with pytest.raises(InputError, match="no such folder"):
         open_dataset(tmp_path / "nothing")
-    (tmp_path / "file.bag").touch()
+    (tmp_path / "file.txt").touch()
     with pytest.raises(InputError, match="is a file"):
-        open_dataset(tmp_path / "file.bag")
+        open_dataset(tmp_path / "file.txt")
 
 
 def test_a_sequence_folder_without_scans_is_refused(tmp_path: Path) -> None:

@@ -55,11 +55,26 @@ def test_scans_come_in_the_order_of_their_numbers(folder: Path) -> None:
     assert dataset.sensor is dataset.calibration is dataset.ground_truth is dataset[0].cloud.ring is None
 
 
-@pytest.mark.parametrize("place", ["scans", "velodyne", "points"])
+@pytest.mark.parametrize("place", ["scans", "velodyne", "points", "lidar"])
 def test_scans_may_lie_in_a_folder_of_their_own(tmp_path: Path, place: str) -> None:
     (tmp_path / place).mkdir()
     POINTS.tofile(tmp_path / place / "1.bin")
     assert len(open_dataset(tmp_path)[0].cloud) == 3
+
+
+def test_the_raw_layout_of_rko_lio(tmp_path: Path) -> None:
+    """lidar/<ns>.ply, imu.csv and transforms.yaml: of these, the scans are read."""
+    (tmp_path / "lidar").mkdir()
+    for number in range(2):
+        time = np.array([0, 0.05, 0.1]) + 1.7e9 + 0.1 * number
+        write_cloud(tmp_path / "lidar" / f"{1_700_000_000_000_000_000 + 100_000_000 * number}.ply", t=time)
+    (tmp_path / "imu.csv").write_text("timestamp,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n")
+    (tmp_path / "transforms.yaml").write_text(
+        "T_lidar_to_base: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n"
+    )
+    dataset = open_dataset(tmp_path)
+    assert dataset.stamps == pytest.approx([1.7e9, 1.7e9 + 0.1])
+    assert dataset[1].cloud.time == pytest.approx([0, 0.05, 0.1], abs=1e-6)
 
 
 def test_names_without_rising_numbers_are_counted(tmp_path: Path) -> None:
@@ -223,6 +238,76 @@ def test_calibration_is_read_and_checked(folder: Path) -> None:
         with pytest.raises(InputError, match=r"calib\.yaml") as error:
             open_dataset(folder)
         assert message in str(error.value)
+
+
+def test_images_of_16_bits_keep_their_brightness_beside_each_other(folder: Path) -> None:
+    """12 bits in use: a dark image is dark, as it would not be by its own brightest pixel."""
+    (folder / "images").mkdir()
+    for name, brightest in (("scan1", 400), ("scan2", 4000), ("scan10", 800)):
+        cv2.imwrite(str(folder / "images" / f"{name}.png"), np.full((4, 4), brightest, np.uint16))
+    (folder / "calib.yaml").write_text(CALIBRATION)
+    images = [open_dataset(folder)[position].image for position in range(3)]
+    assert [None if image is None else image[0, 0].tolist() for image in images] == [[25] * 3, [250] * 3, [50] * 3]
+
+
+AHEAD = "[[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]"
+TO_THE_LEFT = "[[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]"
+TWO_CAMERAS = f"""cameras:
+  left: {{K: [[100, 0, 5], [0, 100, 5], [0, 0, 1]], T_camera_lidar: {TO_THE_LEFT}, model: fisheye}}
+  front: {{K: [[200, 0, 5], [0, 200, 5], [0, 0, 1]], T_camera_lidar: {AHEAD}, images: ahead}}
+"""
+
+
+def two_cameras(folder: Path) -> None:
+    (folder / "calib.yaml").write_text(TWO_CAMERAS)
+    for place, shade in (("images/left", 10), ("ahead", 20)):
+        (folder / place).mkdir(parents=True)
+        for name in ("scan1", "scan10"):
+            cv2.imwrite(str(folder / place / f"{name}.png"), np.full((10, 10, 3), shade, np.uint8))
+
+
+def test_of_several_cameras_the_one_that_looks_ahead_is_the_frames_own(folder: Path) -> None:
+    two_cameras(folder)
+    dataset = open_dataset(folder)
+    assert dataset.calibration is not None
+    assert dataset.calibration.K[0, 0] == 200
+    frame = dataset[0]
+    assert frame.image is not None
+    assert frame.image[0, 0, 0] == 20
+    assert [view.calibration.fisheye for view in frame.views] == [False, True]
+    left = frame.others[0].read_image()
+    assert left is not None
+    assert left[0, 0, 0] == 10
+    assert kinds(dataset[1].problems) == ["missing image", "missing image"]
+    assert set(dataset.folders) == {folder, folder / "ahead", folder / "images" / "left"}  # type: ignore[attr-defined]
+
+
+def test_a_camera_without_its_folder_is_left_out_and_that_is_said(folder: Path) -> None:
+    two_cameras(folder)
+    shutil.rmtree(folder / "ahead")
+    dataset = open_dataset(folder)
+    assert dataset.calibration is not None
+    assert dataset.calibration.fisheye
+    assert dataset[0].others == ()
+    assert "no images" in kinds(dataset.problems)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("cameras: {}", "'cameras': names are expected"),
+        ("cameras: [1]", "'cameras': names are expected"),
+        ("cameras: {front: 3}", "'cameras.front': lines like"),
+        ("cameras: {front: {K: 1, image: x}}", "unknown key 'cameras.front.image'; did you mean 'images'"),
+        ("cameras: {front: {T_camera_lidar: 1}}", "'cameras.front.K' is missing"),
+        (f"{TWO_CAMERAS}model: pinhole", "'model' beside 'cameras'; put it under the name"),
+    ],
+)
+def test_cameras_that_make_no_sense_are_refused(folder: Path, content: str, message: str) -> None:
+    (folder / "calib.yaml").write_text(content)
+    with pytest.raises(InputError, match=r"calib\.yaml") as error:
+        open_dataset(folder)
+    assert message in str(error.value)
 
 
 @pytest.mark.parametrize(

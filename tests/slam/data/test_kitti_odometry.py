@@ -66,13 +66,23 @@ def test_the_sensor_is_kittis_unless_someone_says_otherwise(odometry_root: Path)
 
 
 def test_a_named_sensor_brings_its_lasers_and_a_file_everything(odometry_root: Path, tmp_path: Path) -> None:
-    named = open_dataset(odometry_root, sensor="vlp16").sensor
+    data = open_dataset(odometry_root, sensor="vlp16")
+    named = data.sensor
     assert named is not None
     assert named.ring_count == 16
-    assert named.motion_compensated  # as KITTI's scans are, whoever made the sensor
+    assert named.motion_compensated  # as KITTI's scans are, whoever made the sensor: that is said
+    assert named.vertical_correction == 0  # KITTI's is that of its HDL-64E
+    assert [problem.kind for problem in data.problems] == ["motion assumed"]
+    assert "motion_compensated: false" in data.problems[0].message
+    ours = open_dataset(odometry_root, sensor="hdl64e")
+    assert ours.problems == ()
+    assert ours.sensor is not None
+    assert np.rad2deg(ours.sensor.vertical_correction) == pytest.approx(0.205)
     (tmp_path / "mine.yaml").write_text("model: hdl64\n")
-    filed = open_dataset(odometry_root, sensor=tmp_path / "mine.yaml").sensor
+    data = open_dataset(odometry_root, sensor=tmp_path / "mine.yaml")
+    filed = data.sensor
     assert filed is not None
+    assert data.problems == ()
     assert not filed.motion_compensated
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slam.data.errors import InputError
-from slam.data.sensor import Sensor, load_sensor
+from slam.data.sensor import Sensor, kitti_sensor, load_sensor
 
 
 @pytest.mark.parametrize("name", ["hdl64", "HDL-64E", "hdl64e"])
@@ -78,6 +78,12 @@ def test_the_vlp32c_follows_its_manual() -> None:
     assert sorted(set(np.rad2deg(sensor.azimuth).round(3))) == [-4.2, -1.4, 1.4, 4.2]
 
 
+def test_the_hdl32_is_even() -> None:
+    sensor = load_sensor("HDL-32E")
+    assert np.rad2deg(sensor.elevation[[0, 8, 31]]) == pytest.approx([10.667, 0, -30.667], abs=1e-3)
+    assert -np.diff(np.rad2deg(sensor.elevation)) == pytest.approx(np.full(31, 1.333), abs=1e-3)
+
+
 def test_the_vls128_is_dense_near_the_horizon() -> None:
     sensor = load_sensor("vls128")
     steps = -np.diff(np.rad2deg(sensor.elevation))
@@ -105,3 +111,13 @@ def test_beams_may_be_staggered(tmp_path: Path) -> None:
     assert np.rad2deg(load_sensor(path).only(np.array([1])).azimuth) == pytest.approx([-3])
     with pytest.raises(ValueError, match="different lengths"):
         Sensor("odd", np.zeros(2), np.zeros(2), azimuth=np.zeros(3))
+
+
+def test_only_kittis_own_lidar_has_its_vertical_error(tmp_path: Path) -> None:
+    error = pytest.approx(np.deg2rad(0.205))
+    assert kitti_sensor(tmp_path, None, True).vertical_correction == error
+    assert kitti_sensor(tmp_path, "HDL-64E", True).vertical_correction == error
+    assert kitti_sensor(tmp_path, "vlp16", True).vertical_correction == 0
+    (tmp_path / "sensor.yaml").write_text("model: hdl64\nvertical_correction_deg: 0.3\n")
+    assert kitti_sensor(tmp_path, "hdl64", True).vertical_correction == pytest.approx(np.deg2rad(0.3))
+    assert kitti_sensor(tmp_path, "vlp16", True).vertical_correction == 0  # 0.3 deg are those of the HDL-64E

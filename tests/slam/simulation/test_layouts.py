@@ -84,7 +84,7 @@ def test_times_rise_and_stay_within_the_sweep(courtyard: Courtyard, tmp_path: Pa
     assert times[-1] == pytest.approx(0.05 - INSTANT[stamp] / 2, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["hdl64", "vlp16", "vlp32c", "vls128", "os1-64", "os1-128"])
+@pytest.mark.parametrize("name", ["hdl64", "vlp16", "hdl32", "vlp32c", "vls128", "os1-64", "os1-128"])
 def test_the_loader_reads_each_lidar(courtyard: Courtyard, tmp_path: Path, name: str) -> None:
     courtyard.drive()
     data = written(tmp_path / "walk", sensor=name, distort=True, camera=False)
@@ -171,7 +171,7 @@ def test_a_folder_is_resumed(courtyard: Courtyard, tmp_path: Path) -> None:
         ({"stamp": "end", "format": "folder"}, "--stamp end: the LiDAR does not move during a sweep"),
         ({"stamp": "never", "format": "folder"}, "stamp 'never'"),
         ({"rate": 20.0, "spacing": 1.0}, "--rate 20: conflicts with --spacing"),
-        ({"sensor": "vlp32"}, "unknown sensor 'vlp32'; did you mean 'vlp32c'?"),
+        ({"sensor": "vlp32"}, "unknown simulated sensor 'vlp32'; did you mean 'vlp32c'?"),
         ({"rate": 0.0}, "--rate 0"),
         ({"height": -1.0}, "--height -1"),
         ({"tilt": 2.0}, "--tilt 114.592"),

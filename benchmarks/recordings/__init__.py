@@ -1,0 +1,1 @@
+"""Reading of recordings and decoding of packets, compared with other decoders."""

@@ -1,0 +1,1 @@
+"""Loaders of data sets that many use, a module each."""

@@ -1,0 +1,50 @@
+"""ParisLuco (Dellenbach et al., ICRA 2022): a Velodyne HDL-32E on a car around the Jardin du Luxembourg."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from slam.data.loaders.common import HERE, StampedDrive, folders_with
+from slam.data.point_files import Reading
+from slam.data.sensor import load_sensor
+
+TRUTH = "gt_traj_lidar.txt"
+
+
+class ParisLuco(StampedDrive):
+    """`frames/frame_<number>.ply` of one sequence.
+
+    Points have `timestamp`, seconds from the instant at which the LiDAR looks ahead, the middle of its turn. Files have
+    no rings, which the nearest laser line tells, and no stamps of the scans: 10 a second are assumed. gt_traj_lidar.txt
+    has positions only, which are not read: a truth needs poses.
+    """
+
+    LAYOUT = f"ParisLuco (frames/*.ply beside {TRUTH})"
+
+    @staticmethod
+    def drives(path: Path) -> dict[str, Path]:
+        """The sequences at or under a path by their names. See `Loader`."""
+        found = folders_with(path, "frames/*.ply")
+        return {name: folder for name, folder in found.items() if (folder / TRUTH).is_file()}
+
+    def __init__(
+        self,
+        path: Path,
+        sensor: str | Path | None = None,
+        *,
+        stamp: str | None = None,
+        point_time: str | None = None,
+    ) -> None:
+        super().__init__(
+            path,
+            f"ParisLuco {path.name}",
+            path / "frames",
+            ".ply",
+            None,
+            Reading(offset=HERE),
+            default=load_sensor("hdl32"),
+            sensor=sensor,
+            stamp=stamp,
+            point_time=point_time,
+        )
+        self.without_truth(f"{path / TRUTH}: positions without rotations are not read")

@@ -1,0 +1,1 @@
+"""Recordings of what LiDARs send over the network."""

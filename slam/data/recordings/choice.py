@@ -1,0 +1,160 @@
+"""Which of a recording's topics are used: for scans, images, camera and truth."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from slam.data.errors import InputError
+from slam.data.point_blocks import UnreadableError
+from slam.data.point_files import NAMES
+from slam.data.problem import Problem
+from slam.data.recordings.clouds import CLOUDS
+from slam.data.recordings.messages import CAMERA_INFO, COMPRESSED, IMAGE, OLD_TRANSFORMS, TRANSFORMS
+from slam.data.recordings.recording import TRUTH_TYPES, Recording, Topic
+from slam.data.recordings.transforms import Mounting
+from slam.data.yaml_files import suggest
+
+TRIED = 5  # messages of a topic, until one can be read
+SELDOM = 0.5  # of the most messages that a topic of its kind has: with fewer it is a map, or somebody's selection
+RAW = re.compile(r"packet|scan|msop|raw", re.IGNORECASE)
+NOT_COLOUR = re.compile(r"depth|mask|label|segment|thermal|infra|disparity", re.IGNORECASE)
+TRUTH = re.compile(r"(^|[/_])(gt|ground_?truth|truth|reference|mocap|vicon|optitrack|vrpn)", re.IGNORECASE)
+TRANSPORT = re.compile(r"/(compressed|theora|ffmpeg)$")
+MOVING = 200  # messages of /tf that are looked at for what does not move
+
+
+def cloud_topic(recording: Recording, said: str | None) -> tuple[Topic, tuple[Problem, ...]]:
+    """The topic with the scans: the one that is said, else the one whose first scan has most of times, rings and
+    points, of those that come often.
+
+    Raises:
+        InputError: There is none, or none of the name that is said.
+    """
+    known = recording.of_type(*CLOUDS)
+    if said is not None:
+        return _named(recording, said, known, "--topic", "point clouds"), ()
+    if not known:
+        raise InputError(f"{recording.path}: no point clouds in it{_instead(recording)}")
+    most = max(topic.count for topic in known)
+    values = {topic.name: (topic.count >= SELDOM * most, *_worth(recording, topic)) for topic in known}
+    best = max(known, key=lambda topic: values[topic.name])
+    return best, _several(recording, known, best, "point clouds", "--topic")
+
+
+def image_topic(recording: Recording, said: str | None) -> tuple[Topic | None, tuple[Problem, ...]]:
+    """The topic with the images: the one that is said, else of those with a CameraInfo beside them the one with most
+    images. None where there are none.
+
+    Raises:
+        InputError: There is none of the name that is said.
+    """
+    known = recording.of_type(IMAGE, COMPRESSED)
+    if said is not None:
+        return _named(recording, said, known, "--image-topic", "images"), ()
+    known = [topic for topic in known if not NOT_COLOUR.search(topic.name)]
+    if not known:
+        return None, ()
+    values = {
+        topic.name: (info_topic(recording, topic.name) is not None, topic.type == IMAGE, topic.count) for topic in known
+    }
+    best = max(known, key=lambda topic: values[topic.name])
+    others = [topic for topic in known if _camera(topic.name) != _camera(best.name)]
+    return best, _several(recording, [best, *others], best, "images", "--image-topic")
+
+
+def info_topic(recording: Recording, images: str) -> Topic | None:
+    """The CameraInfo of a topic with images: beside it, as ROS has it, or the only one there is."""
+    infos = recording.of_type(CAMERA_INFO)
+    beside = [topic for topic in infos if topic.name.rpartition("/")[0] == _camera(images)]
+    return beside[0] if beside else infos[0] if len(infos) == 1 else None
+
+
+def truth_topic(recording: Recording, said: str | None) -> tuple[Topic | None, tuple[Problem, ...]]:
+    """The topic with the true poses: the one that is said, else the one whose name says so. What a robot only believes
+    of its own way is not taken for truth.
+
+    Raises:
+        InputError: There is none of the name that is said.
+    """
+    known = recording.of_type(*TRUTH_TYPES)
+    if said is not None:
+        return _named(recording, said, known, "--truth-topic", "poses"), ()
+    named = [topic for topic in known if TRUTH.search(topic.name)]
+    if named:
+        best = max(named, key=lambda topic: topic.count)
+        return best, _several(recording, named, best, "true poses", "--truth-topic")
+    if known:
+        text = f"{recording.path}: poses on {', '.join(map(str, known))}, none of which is called truth"
+        return None, (Problem("no ground truth", f"{text}; to take one as such name it with --truth-topic"),)
+    return None, ()
+
+
+def mounting_of(recording: Recording) -> Mounting:
+    """How the frames are fixed to each other."""
+    mounting = Mounting()
+    for topic in recording.of_type(TRANSFORMS, OLD_TRANSFORMS):
+        fixed = "static" in topic.name
+        numbers = range(topic.count) if fixed else range(0, topic.count, max(1, topic.count // MOVING))
+        for number in numbers:
+            try:
+                mounting.add(recording.message(topic.name, number).transforms, fixed)
+            except UnreadableError:
+                continue
+    return mounting
+
+
+def is_rectified(images: str) -> bool:
+    """Whether the images of a topic are rectified, by its name: image_rect, image_rect_color/compressed."""
+    return "rect" in TRANSPORT.sub("", images).rpartition("/")[2]
+
+
+def _camera(images: str) -> str:
+    """The name space of a camera by its topic of images."""
+    return TRANSPORT.sub("", images).rpartition("/")[0]
+
+
+def _named(recording: Recording, said: str, known: Sequence[Topic], option: str, what: str) -> Topic:
+    name = said if said.startswith("/") else f"/{said}"
+    found = [topic for topic in known if topic.name in (said, name)]
+    if found:
+        return found[0]
+    other = recording.topics.get(said) or recording.topics.get(name)
+    if other:
+        raise InputError(f"{recording.path}: {option} {said}: holds {other.type}, not {what}{_choice(known)}")
+    raise InputError(f"{recording.path}: {option} {said}: no such topic{suggest(said, [t.name for t in known])}")
+
+
+def _choice(known: Sequence[Topic]) -> str:
+    return f"; there are {', '.join(map(str, known))}" if known else "; there are none"
+
+
+def _several(recording: Recording, known: Sequence[Topic], best: Topic, what: str, option: str) -> tuple[Problem, ...]:
+    if len(known) < 2:
+        return ()
+    text = f"{recording.path}: {what} on {', '.join(map(str, known))}; {best.name} is used, {option} chooses"
+    return (Problem("several topics", text),)
+
+
+def _instead(recording: Recording) -> str:
+    """What there is where there are no clouds."""
+    if not recording.topics:
+        return ", nor anything else"
+    raw = [topic for topic in recording.topics.values() if RAW.search(topic.name) or RAW.search(topic.type)]
+    if raw:
+        packets = ", ".join(map(str, raw))
+        return f"; {packets} may be the LiDAR's packets: let its driver make PointCloud2 of them, and record that"
+    return f"; it has {', '.join(str(topic) for topic in list(recording.topics.values())[:8])}"
+
+
+def _worth(recording: Recording, topic: Topic) -> tuple[bool, bool, int]:
+    """Has it times, has it rings, and how many points has a scan?"""
+    for number in range(min(topic.count, TRIED)):
+        try:
+            content, encoding = recording.read(topic.name, number)
+            table = CLOUDS[topic.type](content, encoding)
+        except UnreadableError:
+            continue
+        names = {name.lower() for name in table.dtype.names or ()}
+        return bool(names & set(NAMES["time"])), bool(names & set(NAMES["ring"])), table.size
+    return False, False, 0

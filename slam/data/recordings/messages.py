@@ -1,0 +1,78 @@
+"""Messages of ROS as objects, their stamps and frames, whichever of the two encodings they have."""
+
+from __future__ import annotations
+
+import struct
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from slam.data.point_blocks import UnreadableError
+from slam.data.recordings.container import CDR, ROS1
+
+HEAD = 4096  # bytes of a message that hold its header: frames have short names
+CLOUD, IMAGE, COMPRESSED = (f"sensor_msgs/msg/{name}" for name in ("PointCloud2", "Image", "CompressedImage"))
+CAMERA_INFO, IMU, FIX = (f"sensor_msgs/msg/{name}" for name in ("CameraInfo", "Imu", "NavSatFix"))
+ODOMETRY, PATH, TRANSFORMS = "nav_msgs/msg/Odometry", "nav_msgs/msg/Path", "tf2_msgs/msg/TFMessage"
+OLD_TRANSFORMS = "tf/msg/tfMessage"
+POSE, POSE_WITH_COVARIANCE = (f"geometry_msgs/msg/{name}" for name in ("PoseStamped", "PoseWithCovarianceStamped"))
+
+
+class Header(NamedTuple):
+    """The header that most messages begin with: its stamp [ns], the frame, and where what follows begins."""
+
+    stamp: int
+    frame: str
+    end: int
+
+
+def header_of(content: bytes, encoding: str) -> Header:
+    """The header of a message, of which the first `HEAD` bytes are enough. Raises UnreadableError where it has none."""
+    at, order = (4, "<") if encoding == ROS1 else (4, byte_order(content))
+    try:
+        seconds, nanoseconds, length = struct.unpack_from(f"{order}III", content, at)
+        frame = content[at + 12 : at + 12 + length]
+    except struct.error:
+        raise UnreadableError("a message that is too short") from None
+    if length > len(content):
+        raise UnreadableError("a header that makes no sense")
+    text = frame.rstrip(b"\0").decode("utf-8", "replace").lstrip("/")
+    return Header(seconds * 10**9 + nanoseconds, text, at + 12 + length)
+
+
+def byte_order(content: bytes) -> str:
+    """Of a message in CDR: '<' or '>'. Raises UnreadableError where it is something else."""
+    if len(content) < 4 or content[0] != 0 or content[1] > 1:
+        raise UnreadableError("no CDR message")
+    return "<" if content[1] else ">"
+
+
+@lru_cache(maxsize=2)
+def _types(encoding: str) -> Any:
+    return type_store(encoding == ROS1)
+
+
+def type_store(ros1: bool) -> Any:
+    """rosbags' store of the types of ROS 1 or ROS 2. That of ROS 1 lacks TFMessage."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    if ros1:
+        types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms\n", TRANSFORMS))
+    return types
+
+
+def read_message(content: bytes, kind: str, encoding: str) -> Any:
+    """A message of a type that all ROS systems have, as rosbags' object of it.
+
+    Raises UnreadableError where it is damaged.
+    """
+    types = _types(encoding)
+    kind = TRANSFORMS if kind == OLD_TRANSFORMS else kind
+    try:
+        if encoding == ROS1:
+            return types.deserialize_ros1(content, kind)
+        if encoding == CDR:
+            return types.deserialize_cdr(content, kind)
+    except Exception as error:  # whatever the generated code meets in bytes that are something else
+        raise UnreadableError(f"a damaged {kind} ({type(error).__name__}: {error})") from error
+    raise UnreadableError(f"messages encoded as '{encoding}'")

@@ -1,0 +1,221 @@
+"""A recording as topics, whose messages are read one by one: one file, or the several that it was split into."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slam.data.cloud import Array
+from slam.data.errors import InputError
+from slam.data.point_blocks import UnreadableError
+from slam.data.problem import Problem
+from slam.data.recordings.clouds import CLOUDS
+from slam.data.recordings.container import Channel, Container
+from slam.data.recordings.mcap import Mcap
+from slam.data.recordings.messages import (
+    CAMERA_INFO,
+    COMPRESSED,
+    HEAD,
+    IMAGE,
+    ODOMETRY,
+    OLD_TRANSFORMS,
+    PATH,
+    POSE,
+    POSE_WITH_COVARIANCE,
+    TRANSFORMS,
+    Header,
+    header_of,
+    read_message,
+)
+from slam.data.recordings.rosbag1 import Rosbag1
+from slam.data.recordings.sqlite import Sqlite
+
+CONTAINERS: dict[str, Callable[[Path, Collection[str]], Container]] = {".bag": Rosbag1, ".db3": Sqlite, ".mcap": Mcap}
+PACKED = (".zstd", ".zst")  # of whole files, as rosbag2 may pack them
+TRUTH_TYPES = (ODOMETRY, POSE, POSE_WITH_COVARIANCE, PATH)
+#: Of which every message can be read. All others are counted.
+READ = frozenset((*CLOUDS, IMAGE, COMPRESSED, CAMERA_INFO, *TRUTH_TYPES, TRANSFORMS, OLD_TRANSFORMS))
+
+
+@dataclass(frozen=True, eq=False)
+class Topic:
+    """What a recording has under one name.
+
+    Attributes:
+        name: Of the topic.
+        type: Of its messages, as ROS 2 writes it.
+        count: How many there are.
+        first: When the first was recorded [s], and
+        last: the last.
+    """
+
+    name: str
+    type: str
+    count: int
+    first: float
+    last: float
+
+    @property
+    def rate(self) -> float:
+        """Messages a second; 0 where there is but one."""
+        return (self.count - 1) / (self.last - self.first) if self.count > 1 and self.last > self.first else 0.0
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.type.rpartition('/')[2]}, {self.count})"
+
+
+class Recording:
+    """Messages by topic and number, in the order in which they were recorded.
+
+    Raises InputError where the files are no recording.
+
+    Args:
+        path: The file, or the folder of the files, for messages.
+        files: The files that it was split into, in their order.
+    """
+
+    def __init__(self, path: Path, files: Sequence[Path]) -> None:
+        self.path = path
+        self._files: list[Container] = []
+        faults = []
+        for file in files:
+            try:
+                self._files.append(_opened(file))
+            except InputError as error:  # the last part of a recording that broke off may be empty
+                faults.append(str(error))
+        if not self._files:
+            raise InputError(faults[0])
+        faults += [f"{file.path}: {file.fault}" for file in self._files if file.fault]
+        self.problems = tuple(Problem("damaged recording", f"{fault}; what is whole is used") for fault in faults)
+
+    @cached_property
+    def topics(self) -> dict[str, Topic]:
+        """By name, in the order of names. Where a name has messages of two types, the type of the most is named."""
+        found: dict[str, list[tuple[Channel, int, int, int]]] = {}
+        for file in self._files:
+            for number, channel in file.channels.items():
+                series = file.series.get(number)
+                if series is not None and series.count:
+                    entry = channel, series.count, series.first, series.last
+                    found.setdefault(channel.topic, []).append(entry)
+        return {name: _summed(name, found[name]) for name in sorted(found)}
+
+    def of_type(self, *types: str) -> list[Topic]:
+        """The topics whose messages are of one of these."""
+        return [topic for topic in self.topics.values() if topic.type in types]
+
+    def times(self, topic: str) -> Array:
+        """(N,) int64: when each of its messages was recorded [ns]."""
+        return self._places(topic)[:, 0]
+
+    def read(self, topic: str, number: int, most: int | None = None) -> tuple[bytes, str]:
+        """The bytes of a message, or the first of them, and their encoding. Raises UnreadableError on damage."""
+        _, file, block, offset, channel = self._places(topic)[number]
+        container = self._files[file]
+        try:
+            return container.read(int(block), int(offset), most), container.channels[int(channel)].encoding
+        except OSError as error:
+            raise UnreadableError(str(error.strerror or error)) from error
+
+    def message(self, topic: str, number: int) -> Any:
+        """A message as an object. Raises UnreadableError on damage."""
+        content, encoding = self.read(topic, number)
+        return read_message(content, self.topics[topic].type, encoding)
+
+    def header(self, topic: str, number: int) -> Header | None:
+        """Of a message whose type begins with one; None where it cannot be read."""
+        try:
+            content, encoding = self.read(topic, number, HEAD)
+            return header_of(content, encoding)
+        except UnreadableError:
+            return None
+
+    def messages(self, topic: str) -> Iterator[Any]:
+        """All that can be read, one after the other."""
+        for number in range(len(self._places(topic))):
+            try:
+                yield self.message(topic, number)
+            except UnreadableError:
+                continue
+
+    def _places(self, topic: str) -> Array:
+        """(N, 5) int64: time [ns], file, block, offset, channel."""
+        if topic not in self._tables:
+            self._tables[topic] = self._table(topic)
+        return self._tables[topic]
+
+    @cached_property
+    def _tables(self) -> dict[str, Array]:
+        return {}
+
+    def _table(self, topic: str) -> Array:
+        parts = [np.zeros((0, 5), np.int64)]
+        for at, file in enumerate(self._files):
+            for number, channel in file.channels.items():
+                if channel.topic == topic and channel.type == self.topics[topic].type and number in file.series:
+                    rows = file.series[number].rows
+                    ones = np.ones(len(rows), np.int64)
+                    parts.append(np.column_stack([rows[:, 0], at * ones, rows[:, 1:], number * ones]))
+        table = np.concatenate(parts)
+        return table[np.argsort(table[:, 0], kind="stable")]
+
+
+def _summed(name: str, entries: list[tuple[Channel, int, int, int]]) -> Topic:
+    counts: dict[str, int] = {}
+    for channel, count, _, _ in entries:
+        counts[channel.type] = counts.get(channel.type, 0) + count
+    kind = max(counts, key=lambda each: counts[each])
+    known = [entry for entry in entries if entry[0].type == kind]
+    first, last = min(entry[2] for entry in known), max(entry[3] for entry in known)
+    return Topic(name, kind, counts[kind], first / 10**9, last / 10**9)
+
+
+def _opened(path: Path) -> Container:
+    try:
+        return CONTAINERS[path.suffix.lower()](path, READ)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (UnreadableError, sqlite3.Error) as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def recordings_at(path: Path) -> dict[str, list[Path]]:
+    """The recordings at a path by their names, each with its files.
+
+    A file is one, {"": [path]}, and so is a folder with one file, or with those that rosbag2 has split one into
+    (drive_0.mcap, drive_1.mcap). In any other folder each file is one, by its name. Empty where there is none.
+
+    Raises:
+        InputError: A file is packed as a whole.
+    """
+    if path.is_file():
+        return {"": [path]} if path.suffix.lower() in CONTAINERS or _packed(path) else {}
+    if not path.is_dir():
+        return {}
+    files = [file for file in path.iterdir() if not file.name.startswith(".")]
+    found = sorted((file for file in files if file.suffix.lower() in CONTAINERS), key=_part)
+    if not found:
+        for file in files:
+            _packed(file)
+        return {}
+    split = all(file.suffix.lower() != ".bag" for file in found) and len({_part(file)[0] for file in found}) == 1
+    return {"": found} if split or len(found) == 1 else {file.name: [file] for file in found}
+
+
+def _packed(path: Path) -> bool:
+    """Raises InputError where a file of a recording is packed as a whole."""
+    if path.suffix.lower() in PACKED and Path(path.stem).suffix.lower() in CONTAINERS:
+        raise InputError(f"{path}: packed as a whole; unpack it first: zstd -d {path.name}")
+    return False
+
+
+def _part(file: Path) -> tuple[str, int]:
+    """The name of the recording that a file of rosbag2 is a part of, and its number in it."""
+    name, underscore, number = file.stem.rpartition("_")
+    return (name, int(number)) if underscore and number.isdigit() else (file.stem, -1)

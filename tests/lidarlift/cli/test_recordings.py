@@ -1,0 +1,62 @@
+"""`lidarlift run` on a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slam.data.cloud import Array
+from slam.data.recordings.writer import recording_writer
+from slam.session import read_report
+
+Command = Callable[..., Any]
+FIELDS = np.dtype([(name, "<f4") for name in ("x", "y", "z", "intensity")])
+
+
+@pytest.fixture
+def recording(tmp_path: Path, street_poses: Array, street_scans: list[Array]) -> Path:
+    """The street drive, ten scans a second from the fifth second on, its true poses and another robot's odometry."""
+    with recording_writer(tmp_path / "street", "mcap") as writer:
+        for number, (pose, scan) in enumerate(zip(street_poses, street_scans, strict=True)):
+            time = 5 * 10**9 + number * 10**8
+            points = np.ascontiguousarray(scan, np.float32).view(FIELDS)[:, 0]
+            writer.write("/points", time, writer.cloud(time, "lidar", points))
+            writer.write("/gt/odom", time, writer.odometry(time, "map", "lidar", pose))
+    return tmp_path / "street.mcap"
+
+
+def test_it_says_which_topics_it_used(lidarlift: Command, recording: Path) -> None:
+    done = lidarlift("run", recording, "--sensor", "hdl64", "--out", "r")
+    assert done.code == 0
+    assert "topics: points /points, truth /gt/odom" in done.out
+    assert done.ate < 0.1
+    protocol = read_report(Path("r"))["protocol"]
+    assert protocol["topics"] == {"points": "/points", "truth": "/gt/odom"}
+    assert protocol["stamps"] == "/points, headers"
+    assert protocol["dataset"] == "street"
+
+
+def test_a_part_of_it(lidarlift: Command, recording: Path) -> None:
+    assert lidarlift("run", recording, "--start", "0.25s", "--duration", "0.3s", "--out", "r").code == 0
+    stamps = np.loadtxt("r/trajectory_tum.txt")[:, 0]
+    np.testing.assert_allclose(stamps, [5.3, 5.4, 5.5])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--start", "later"), ("--start later: write a time, as in 120s, 2m or 1.5h",)),
+        (("--start", "3h"), ("no scans there", "0.7 s after its start")),
+        (("--topic", "/point"), ("--topic /point: no such topic; did you mean '/points'?",)),
+        (("--image-topic", "/points"), ("--image-topic /points: holds sensor_msgs/msg/PointCloud2, not images",)),
+        (("--truth-topic", "nothing"), ("--truth-topic nothing: no such topic",)),
+    ],
+)
+def test_what_is_not_there_is_one_line(
+    lidarlift: Command, recording: Path, options: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    lidarlift("run", recording, *options).refused(*words)
