@@ -63,10 +63,11 @@ class UserFolder(ScanDrive):
         reading, told = reading_of(scans.files, columns)
         lasers = sensor_of_folder(path, sensor)
         said = conventions_of_folder(path, sensor).said(stamp, point_time)
-        stamps, stamps_from, unusual = _read_stamps(path, scans)
+        file = _times_file(path, scans)
+        stamps, stamps_from, unusual = _read_stamps(path, file, scans)
         scans = replace(scans, stamps=stamps)
-        name = path.resolve().name
-        super().__init__(path, name, scans, stamps_from, reading, lasers, said, no_stamps="no times.txt")
+        without = "no times.txt" if file is None else f"all times in {file.name} are the same"
+        super().__init__(path, path.resolve().name, scans, stamps_from, reading, lasers, said, no_stamps=without)
         self.problems = (*told, *unusual, *nominal_lines(self.sensor, path), *self.problems)
         self._take_cameras()
         self.take_truth(read_ground_truth(path, self.stamps, self.numbers, self.known_times))
@@ -91,19 +92,17 @@ class UserFolder(ScanDrive):
                 self.take_other_camera(camera.calibration, folder)
 
 
-def _read_stamps(path: Path, scans: ScanNames) -> tuple[Array | None, str, tuple[Problem, ...]]:
-    """Stamps (N,) of a file or of the names, where they are from, and what is wrong with them; None where there are
-    none."""
+def _times_file(path: Path, scans: ScanNames) -> Path | None:
     places = [folder / name for folder in (path, scans.files[0].parent) for name in TIME_FILES]
-    file = next((place for place in places if place.is_file()), None)
-    problems: tuple[Problem, ...] = ()
-    if file is not None:
-        found = read_stamps(file, scans.files, scans.numbers)
-        if found is not None:
-            return found.seconds, f"{file.name}, {found.unit}", found.problems
-        problems = (Problem("no time stamps", f"{file}: all of its times are the same; they are left out"),)
-    stamps, stamps_from, repaired = stamps_of_names(path, scans)
-    return stamps, stamps_from, (*problems, *repaired)
+    return next((place for place in places if place.is_file()), None)
+
+
+def _read_stamps(path: Path, file: Path | None, scans: ScanNames) -> tuple[Array | None, str, tuple[Problem, ...]]:
+    """Stamps (N,) of a file or of the names, where they are from, and what is wrong with them; None where there are
+    none, as in a file whose times are all the same."""
+    if file is not None and (found := read_stamps(file, scans.files, scans.numbers)) is not None:
+        return found.seconds, f"{file.name}, {found.unit}", found.problems
+    return stamps_of_names(path, scans)
 
 
 def to_cloud(points: Points, sensor: Sensor | None, path: Path) -> PointCloud:
