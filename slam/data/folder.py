@@ -21,7 +21,7 @@ from slam.data.time_files import TIME_FILES, read_stamps
 
 
 class UserFolder(ScanDrive):
-    """Scans (.bin of float32 x y z intensity, .pcd, .ply, .npy) in the folder or its scans/, velodyne/ or points/.
+    """Scans (.bin, .pcd, .ply, .npy, .las, .laz) in the folder or its scans/, velodyne/, points/ or lidar/.
 
     Optional beside them: `times.txt` or `timestamps.txt` (see `read_stamps`; else names that are stamps tell),
     `images/` or `image_2/` (matched by their own times.txt, else by name), `calib.yaml` (see `read_cameras`),
@@ -39,7 +39,7 @@ class UserFolder(ScanDrive):
         point_time: The field with the points' times, FIELD or FIELD:UNIT. By default the first that can have them.
     """
 
-    LAYOUT = "scans (.bin, .pcd, .ply, .npy) in the folder itself or in its scans/, velodyne/ or points/"
+    LAYOUT = f"scans ({', '.join(SUFFIXES)}) in the folder itself or in its scans/, velodyne/, points/ or lidar/"
 
     @staticmethod
     def drives(path: Path) -> dict[str, Path]:
