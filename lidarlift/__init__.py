@@ -12,6 +12,7 @@ from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from lidarlift.calibrating import calibrate as calibrate
     from lidarlift.comparing import compare as compare
     from lidarlift.enriching import enrich as enrich
     from lidarlift.evaluating import evaluate as evaluate
@@ -33,6 +34,7 @@ _PLACES = {
     "InputError": "slam.data.errors",
     "PointCloud": "slam.data.cloud",
     "Slam": "lidarlift.live",
+    "calibrate": "lidarlift.calibrating",
     "compare": "lidarlift.comparing",
     "enrich": "lidarlift.enriching",
     "evaluate": "lidarlift.evaluating",

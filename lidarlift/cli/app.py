@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 import lidarlift
+from lidarlift.cli.calibrate import calibrate
 from lidarlift.cli.compare import compare
 from lidarlift.cli.config import config
 from lidarlift.cli.console import messages
@@ -42,8 +43,9 @@ app = typer.Typer(
     Without data: `lidarlift demo`
     """,
 )
-for command in (run, info, compare, enrich, evaluate, export, config, fit_lasers, simulate, demo, depth_benchmark):
+for command in (run, info, compare, enrich, evaluate, export, config, calibrate, fit_lasers, simulate, demo):
     app.command()(command)
+app.command()(depth_benchmark)
 app.add_typer(train, name="train")
 app.add_typer(study, name="study")
 
