@@ -104,8 +104,9 @@ def pcd(cloud: PointCloud) -> bytes:
     """A binary PCD with intensity and ring."""
     assert cloud.ring is not None
     columns = [cloud.xyz, cloud.intensity[:, None], cloud.ring[:, None]]
-    head = f"VERSION .7\nFIELDS x y z intensity ring\nSIZE 4 4 4 4 4\nTYPE F F F F F\nCOUNT 1 1 1 1 1\nWIDTH {len(cloud)}\n"
-    return f"{head}HEIGHT 1\nPOINTS {len(cloud)}\nDATA binary\n".encode() + np.hstack(columns).astype("<f4").tobytes()
+    head = "VERSION .7\nFIELDS x y z intensity ring\nSIZE 4 4 4 4 4\nTYPE F F F F F\nCOUNT 1 1 1 1 1\n"
+    size = f"WIDTH {len(cloud)}\nHEIGHT 1\nPOINTS {len(cloud)}\nDATA binary\n"
+    return (head + size).encode() + np.hstack(columns).astype("<f4").tobytes()
 
 
 @pytest.fixture(scope="session")
