@@ -47,7 +47,7 @@ def enrich(
         ValueError: `sequence` or `sensor` is given for a data set that is already open.
 
     Example:
-        >>> for frame, cloud in lidarlift.enrich("my_drive", sensor="vlp16", enricher="ray-segment"):
+        >>> for frame, cloud in lidarlift.enrich("my_sequence", sensor="vlp16", enricher="ray-segment"):
         ...     print(frame.index, len(cloud), cloud.sigma[~cloud.measured].mean())
     """
     from slam.data.dataset import chosen_positions

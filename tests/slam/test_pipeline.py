@@ -125,7 +125,7 @@ def test_frames_are_a_slice_of_positions(street_drive: Drive, street_poses: Arra
 
 @pytest.mark.parametrize("frames", [slice(8, 20), slice(4, 4), slice(5, 2)])
 def test_no_selected_frames_are_an_error(street_drive: Drive, frames: slice) -> None:
-    with pytest.raises(InputError, match="no frames in that range; the drive has 8"):
+    with pytest.raises(InputError, match="no frames in that range; the sequence has 8"):
         Pipeline().run(open_dataset(street_drive()), frames)
 
 
