@@ -16,8 +16,8 @@ from slam.data.covariance_file import AXES
 PROTOCOL = {
     "nees": "mean NEES per degree of freedom of the poses relative to the first one, which is aligned to the "
     "reference (Bar-Shalom et al., Estimation with Applications to Tracking and Navigation, 5.4.2): 1 where "
-    "covariances are consistent, above 1 where they are too small; errors of successive poses are correlated, so one trajectory is "
-    "little more than one sample, and an error of the reference counts as one of the estimate",
+    "covariances are consistent, above 1 where they are too small; errors of successive poses are correlated, so one "
+    "trajectory is little more than one sample, and an error of the reference counts as one of the estimate",
 }
 
 
