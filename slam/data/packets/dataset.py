@@ -25,7 +25,7 @@ LOOKED_AT = 2000  # datagrams by which streams are told apart
 Stream = tuple[tuple[bytes, int], int]  # sender, and bytes of a datagram
 
 
-class PacketDrive:
+class PacketSequence:
     """A .pcap or .pcapng file of a Velodyne, or of an Ouster with its metadata beside it (the .json file that Ouster's
     tools write with it). If several LiDARs are in it, the one with the most packets is taken.
 
@@ -45,7 +45,7 @@ class PacketDrive:
     LAYOUT = "a packet capture (*.pcap, *.pcapng)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """Return the file itself, or the captures in a folder by their names. See `Loader`.
 
         Raises:
