@@ -37,7 +37,7 @@ OTHERS = {
 Stream = tuple[tuple[bytes, int], int]  # sender, and bytes of a datagram
 
 
-class PacketDrive:
+class PacketSequence:
     """A .pcap or .pcapng file of a Velodyne, or of an Ouster with its metadata beside it (the .json file that Ouster's
     tools write with it). Of several LiDARs in it, that with the most packets is taken.
 
@@ -57,7 +57,7 @@ class PacketDrive:
     LAYOUT = "a packet capture (*.pcap, *.pcapng)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The file itself, or the captures in a folder by their names. See `Loader`."""
         if path.suffix.lower() == ".osf":
             raise InputError(

@@ -35,7 +35,7 @@ SHUFFLED = 1.0  # s that messages may have been recorded out of their order
 log = logging.getLogger(__name__)
 
 
-class RecordedDrive:
+class RecordedSequence:
     """A ROS 1 bag, or a recording of ROS 2 in SQLite or MCAP: PointCloud2 or Livox' messages as scans.
 
     Used with them, where there are any: images with CameraInfo and the transform between the two frames; true poses.
@@ -63,7 +63,7 @@ class RecordedDrive:
     LAYOUT = "a recording (.bag, .db3, .mcap)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The recordings at the path, unless there are scans beside them. See `Loader`."""
         found = recordings_at(path)
         if path.is_dir() and found and not (path / "metadata.yaml").is_file() and named_scans(path).files:
