@@ -335,7 +335,7 @@ def test_sparse_rings_do_not_reduce_the_motion(real_data: RealData, pattern: str
 def test_nine_rings_start_at_speed(real_data: RealData) -> None:
     """Two scans of nine rings fit best without motion in cells of 4 m, and with the true motion in finer ones."""
     dataset = open_dataset(real_data("kitti_raw_0013"))
-    pipeline = Pipeline(load_config(None, ["front_end.drop=vlp16"], input="16"))
+    pipeline = Pipeline(load_config(None, ["front_end.ring_selection=vlp16"], input="16"))
     travelled = []
     for start in range(0, 120, 20):
         result = pipeline.run(dataset, slice(start, start + 20))
