@@ -4,53 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lidarlift.cli.arguments import (
-    ColumnsOption,
     ConfigOption,
     DatasetArgument,
-    DurationOption,
     EnricherOption,
     FramesOption,
-    ImageTopicOption,
-    PointTimeOption,
-    SensorOption,
-    SequenceOption,
     SetOption,
-    StampOption,
-    StartOption,
     StrictOption,
-    TopicOption,
-    TruthTopicOption,
     frame_slice,
-    seconds,
 )
 from lidarlift.cli.console import Console
+from lidarlift.cli.data_options import DataOptions, with_data_options
 from lidarlift.comparing import available_inputs, compare_into, comparison_title, rows_for
 
 if TYPE_CHECKING:
     from eval.compare import Comparison
 
 
+@with_data_options
 def compare(
     dataset: DatasetArgument,
-    sequence: SequenceOption = None,
+    reading: DataOptions,
     enricher: EnricherOption = None,
     config: ConfigOption = None,
     set_: SetOption = None,
     frames: FramesOption = ":",
-    sensor: SensorOption = None,
-    stamp: StampOption = None,
-    point_time: PointTimeOption = None,
-    columns: ColumnsOption = None,
-    topic: TopicOption = None,
-    image_topic: ImageTopicOption = None,
-    truth_topic: TruthTopicOption = None,
-    start: StartOption = None,
-    duration: DurationOption = None,
     out: Annotated[Path | None, typer.Option(help="The folder for the runs. Default: runs/NAME-compared.")] = None,
     strict: StrictOption = False,
 ) -> None:
@@ -60,19 +42,7 @@ def compare(
 
     If the enricher is not ray-segment, ray-segment gets a row as well: it needs no training.
     """
-    from slam.data.dataset import open_dataset
-
-    said: dict[str, Any] = {
-        "stamp": stamp and stamp.value,
-        "point_time": point_time,
-        "columns": columns,
-        "topic": topic,
-        "image_topic": image_topic,
-        "truth_topic": truth_topic,
-        "start": seconds(start, "--start"),
-        "duration": seconds(duration, "--duration"),
-    }
-    data = open_dataset(dataset, sequence, sensor, **said)
+    data = reading.opened(dataset)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
     rows, chosen = rows_for(available_inputs(data), enricher, config, set_ or ()), frame_slice(frames)
     comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)
