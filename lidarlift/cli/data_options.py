@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from functools import wraps
 from pathlib import Path
@@ -81,6 +81,11 @@ class DataOptions:
 
         return open_dataset(path, self.sequence, self.sensor, **self.said())
 
+    def given(self) -> dict[str, str]:
+        """Return the options that the user gives, as on the command line."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {f"--{name.replace('_', '-')}": str(value) for name, value in values.items() if value is not None}
+
     def said(self) -> DatasetOptions:
         """Return the options of `open_dataset` other than sequence and sensor; None for what the user does not say.
 
@@ -102,15 +107,15 @@ class DataOptions:
 def with_data_options(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command an option for each field of `DataOptions`, in place of its parameter of that type."""
     parameters = inspect.signature(command, eval_str=True).parameters
-    fields = inspect.signature(DataOptions, eval_str=True).parameters
+    own = inspect.signature(DataOptions, eval_str=True).parameters
     (name,) = (name for name, parameter in parameters.items() if parameter.annotation is DataOptions)
 
     @wraps(command)
     def expanded(**given: Any) -> None:
-        options = DataOptions(**{field: given.pop(field) for field in fields})
+        options = DataOptions(**{field: given.pop(field) for field in own})
         command(**{name: options}, **given)
 
-    shown = [each for key, each in parameters.items() for each in (fields.values() if key == name else (each,))]
+    shown = [each for key, each in parameters.items() for each in (own.values() if key == name else (each,))]
     ordered = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in shown]
     expanded.__signature__ = inspect.Signature(ordered)  # type: ignore[attr-defined]
     expanded.__annotations__ = {each.name: each.annotation for each in ordered}

@@ -14,7 +14,7 @@ from lidarlift.cli.data_options import DataOptions, with_data_options
 def evaluate(
     estimate: Annotated[Path, typer.Argument(help="Trajectory, KITTI or TUM format.")],
     reference: Annotated[
-        Path, typer.Argument(help="Ground truth, KITTI or TUM format; or a recording or other data set that has it.")
+        str, typer.Argument(help="Ground truth, KITTI or TUM format; or a data set that has it; or RECORDING:TOPIC.")
     ],
     reading: DataOptions,
     calib: Annotated[

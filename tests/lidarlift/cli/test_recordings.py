@@ -80,7 +80,7 @@ def test_the_truth_of_a_recording_is_a_reference(lidarlift: Command, recording: 
     assert done.ate == pytest.approx(expected, abs=5.1e-4)
     lidarlift("evaluate", "r/trajectory_tum.txt", recording, "--truth-topic", "/gt").refused("--truth-topic /gt")
     refused = lidarlift("evaluate", "r/trajectory_tum.txt", "r/ground_truth_tum.txt", "--truth-topic", "/gt")
-    refused.refused("--truth-topic is for data sets; leave it out")
+    refused.refused("--truth-topic is for a data set as reference; leave it out")
 
 
 @pytest.mark.parametrize(
