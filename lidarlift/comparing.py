@@ -7,7 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarlift.folders import require_apart
-from lidarlift.front_ends import FEW_RINGS, MOST_ENRICHED, TRAINING_FREE, input_name, opened, with_runnable_enricher
+from lidarlift.front_ends import (
+    FEW_RINGS,
+    MOST_ENRICHED,
+    TRAINING_FREE,
+    front_end_maker,
+    input_name,
+    opened,
+    with_runnable_enricher,
+)
 from lidarlift.reporting import Quiet, Reporter
 from lidarlift.reports import report_runs
 from lidarlift.running import run_into
@@ -119,11 +127,14 @@ def compare_into(
     from eval.compare import compare_runs
     from eval.evaluation import write_json
     from eval.tables import comparison_markdown
+    from slam.data.dataset import ring_count
 
     folders = {row: folder / row for row in rows}
     require_apart(folder, data)
     for each in folders.values():
         require_writable(each)
+    for settings in rows.values():  # reports what a row lacks before the first row is run
+        front_end_maker(settings.front_end, data.sensor, data.path, ring_count(data))
     for row, settings in rows.items():
         run_into(folders[row], data, settings, frames, reporter, name=name, strict=strict, report=False)
         if on_row:

@@ -108,3 +108,12 @@ def own_folder(sequence: Path) -> Path:
     beams = np.column_stack([np.rad2deg(data.sensor.elevation), data.sensor.offset])[::4]
     (folder / "sensor.yaml").write_text(f"model: mine\nbeams: {beams.round(5).tolist()}\n")
     return folder
+
+
+def test_a_row_that_cannot_run_is_an_error_before_any_work(
+    lidarlift: Command, street_drive: Callable[..., Path]
+) -> None:
+    folder = own_folder(street_drive())
+    (folder / "sensor.yaml").unlink()
+    lidarlift("compare", folder, "--out", "c").refused("laser lines", "--sensor")
+    assert not Path("c").exists()
