@@ -83,7 +83,7 @@ PointTimeOption = Annotated[
 
 
 TopicOption = Annotated[
-    str | None, typer.Option(help="Recordings only: topic of the scans. Default: the one with times, rings, most points.")
+    str | None, typer.Option(help="Recordings only: topic of the scans. Default: one with times, rings, most points.")
 ]
 ImageTopicOption = Annotated[
     str | None, typer.Option(help="Recordings only: topic of the images. Default: one with a CameraInfo.")

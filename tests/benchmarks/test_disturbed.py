@@ -1,4 +1,4 @@
-"""What is done to drives on literal ones, and a small run."""
+"""Disturbances of small literal sequences, and a small run."""
 
 from __future__ import annotations
 

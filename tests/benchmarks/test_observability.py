@@ -1,4 +1,4 @@
-"""What a scene holds along the road, what the odometry says of it, and the page of that."""
+"""Structure of scenes along the road, reports of the odometry, and the page."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_directions_that_are_named() -> None:
 
 def test_figures_by_kind_of_frame() -> None:
     truth, poses = straight(12), straight(12)
-    poses[6:, 0, 3] += 0.5  # frame 6 jumps ahead, and says so; frame 9 does not say so
+    poses[6:, 0, 3] += 0.5  # frame 6 jumps ahead and is degenerate; frame 9 jumps unreported
     poses[9:, 0, 3] += 0.5
     statuses = ["registered"] * 12
     statuses[6] = statuses[7] = "degenerate"

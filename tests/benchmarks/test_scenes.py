@@ -165,7 +165,7 @@ def test_what_was_told_is_not_wrong_without_knowing() -> None:
 def test_the_error_that_was_told_is_told_apart() -> None:
     truth = positions(*((float(x), 0) for x in range(6)))
     poses = truth.copy()
-    poses[3:, 0, 3] -= 1.0  # it stands still in frame 3, and says so
+    poses[3:, 0, 3] -= 1.0  # it stands still in frame 3, and reports it
     run = Run(poses=list(poses), statuses=["registered"] * 3 + ["degenerate"] + ["registered"] * 2)
     found = scenes.along(run, truth, np.arange(6))
     assert found["along_track_m"] == pytest.approx(-1.0)
