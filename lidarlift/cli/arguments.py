@@ -83,25 +83,29 @@ PointTimeOption = Annotated[
 
 
 TopicOption = Annotated[
-    str | None, typer.Option(help="Of a recording: the scans' topic. Default: the one with times, rings, most points.")
+    str | None, typer.Option(help="Recordings only: topic of the scans. Default: one with times, rings, most points.")
 ]
 ImageTopicOption = Annotated[
-    str | None, typer.Option(help="Of a recording: the images' topic. Default: one with a CameraInfo.")
+    str | None, typer.Option(help="Recordings only: topic of the images. Default: one with a CameraInfo.")
 ]
 TruthTopicOption = Annotated[
-    str | None, typer.Option(help="Of a recording: the true poses' topic. Default: one that is called truth.")
+    str | None, typer.Option(help="Recordings only: topic of the true poses. Default: one that is called truth.")
 ]
 StartOption = Annotated[
-    str | None, typer.Option(metavar="TIME", help="Of a recording: leave out so much at its start, as in 120s or 2m.")
+    str | None, typer.Option(metavar="TIME", help="Recordings only: time skipped at the start, such as 120s or 2m.")
 ]
 DurationOption = Annotated[
-    str | None, typer.Option(metavar="TIME", help="Of a recording: only so much of it, as in 60s.")
+    str | None, typer.Option(metavar="TIME", help="Recordings only: time that is used, such as 60s.")
 ]
 TIME_UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
 
 def seconds(text: str | None, option: str) -> float | None:
-    """A time like 120s, 2m or 1.5h in seconds. Raises InputError on anything else."""
+    """Convert a time such as 120s, 2m or 1.5h to seconds.
+
+    Raises:
+        InputError: The text is not a time.
+    """
     if text is None:
         return None
     found = re.fullmatch(r"([0-9]+\.?[0-9]*|\.[0-9]+) ?([a-z]*)", text.strip())
