@@ -17,12 +17,12 @@ from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.pose_files import read_poses
 
-DENSE = "64"  # the input that the others are compared with
+DENSE = ("64", "full")  # the input that the others are compared with, by its number of rings
 #: Definitions of the figures, printed with them.
 PROTOCOL = {
     "ATE, RPE": "rmse by evo, after loop closure: ATE after SE(3) Umeyama alignment without scale, RPE frame to frame",
     "drift": "KITTI devkit's odometry metric, no alignment",
-    "to 64": "rmse of positions between the odometry and that on 64 channels, after SE(3) Umeyama alignment",
+    "to full": "rmse of positions between the odometry and that on all channels, after SE(3) Umeyama alignment",
     "Table III": "the paper's: RPE of the translation over consecutive frames after SE(3) Umeyama alignment; its own "
     "figures are over 30 pairs: 16 channels max 0.784, mean 0.247, min 0.025, rmse 0.295, std 0.161 m; proposed 1.200, "
     "0.250, 0.024, 0.371, 0.274 m",
@@ -53,8 +53,8 @@ class RunFigures:
         points_per_scan: Median number of points passed to the odometry.
         front_end_ms: Median time from the scan as read to these points [ms].
         odometry_ms: Median time from these points to the pose [ms].
-        to_64_m: Rmse of positions between this odometry and that on 64 channels, SE(3) Umeyama-aligned [m]; None for
-            the run on 64 channels itself, and without one.
+        to_full_m: Rmse of positions between this odometry and that on all channels, SE(3) Umeyama-aligned [m]; None
+            for the run on all channels itself, and without one.
     """
 
     ate_m: float | None
@@ -73,7 +73,7 @@ class RunFigures:
     points_per_scan: int
     front_end_ms: float
     odometry_ms: float
-    to_64_m: float | None = None
+    to_full_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Comparison:
     """Content of compare.json.
 
     Attributes:
-        inputs: Figures of each run by the name of its input: "16", "enriched", "64".
+        inputs: Figures of each run by the name of its input: "16", "enriched", and "64" or "full".
         protocol: Definition of each figure, to be printed with it.
     """
 
@@ -100,7 +100,7 @@ def compare_runs(folders: Mapping[str, Path]) -> Comparison:
     """Compare runs on the same sequence.
 
     Args:
-        folders: The run folder of each input ("16", "enriched", "64").
+        folders: The run folder of each input ("16", "enriched", and "64" or "full").
 
     Returns:
         The figures of each input, in the order of `folders`.
@@ -109,11 +109,11 @@ def compare_runs(folders: Mapping[str, Path]) -> Comparison:
         InputError: A folder does not hold a complete run.
     """
     inputs = {name: _figures(folder) for name, folder in folders.items()}
-    if DENSE in folders:
-        dense = _odometry(folders[DENSE])
-        for name in inputs.keys() - {DENSE}:
+    for dense_name in inputs.keys() & set(DENSE):
+        dense = _odometry(folders[dense_name])
+        for name in inputs.keys() - {dense_name}:
             off = evaluate_poses(_odometry(folders[name]), dense).ate.aligned.rmse
-            inputs[name] = replace(inputs[name], to_64_m=off)
+            inputs[name] = replace(inputs[name], to_full_m=off)
     segments = sorted({figures.drift_name for figures in inputs.values() if figures.drift_name})
     drift = "; ".join([PROTOCOL["drift"], *segments])
     return Comparison(inputs, PROTOCOL | {"drift": drift})

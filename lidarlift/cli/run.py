@@ -76,7 +76,7 @@ def run(
         "duration": seconds(duration, "--duration"),
     }
     data = open_dataset(dataset, sequence, sensor, **said)
-    chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
+    chosen = settings_for(ring_count(data), input, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict)
     report = read_report(folder)
