@@ -36,8 +36,8 @@ class Slam:
     Args:
         sensor: A built-in LiDAR ('hdl64', 'vlp16', 'vlp32c', ...) or a YAML file with its beams. Required for input
             'enriched'.
-        input: 'full', scans as received; '16' or another number, rings dropped; 'enriched', 16 of 64 rings, or all rings
-            of a sparser LiDAR, enriched to about 64. By default as received.
+        input: 'full', scans as received; '16' or another number, rings dropped; 'enriched', 16 of 64 rings, or all
+            rings of a sparser LiDAR, enriched to about 64. By default as received.
         enricher: The enrichment method: 'ray-segment' takes some milliseconds and needs no camera.
         calibration: Calibration of the camera, if images are added: they colour the map, and methods may use them.
         config: A preset's name, a YAML file, or the result of `load_config`.
