@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from statistics import median
 from typing import Any
 
+import numpy as np
+
 from eval.evaluation import evaluate_poses
-from eval.metrics import Metrics, RunMetrics
+from eval.metrics import Metrics
+from eval.runs import RunDetails, read_run
 from eval.trajectory import Statistics
-from slam.data.cloud import Array
 from slam.data.errors import InputError
-from slam.data.pose_files import read_poses
 
 DENSE = ("64", "full")  # the input that the others are compared with, by its number of rings
 #: Definitions of the figures, printed with them.
@@ -108,31 +106,22 @@ def compare_runs(folders: Mapping[str, Path]) -> Comparison:
     Raises:
         InputError: A folder does not hold a complete run.
     """
-    inputs = {name: _figures(folder) for name, folder in folders.items()}
-    for dense_name in inputs.keys() & set(DENSE):
-        dense = _odometry(folders[dense_name])
-        for name in inputs.keys() - {dense_name}:
-            off = evaluate_poses(_odometry(folders[name]), dense).ate.aligned.rmse
+    rows = {name: read_run(name, folder) for name, folder in folders.items()}
+    runs = {name: row.run for name, row in rows.items() if row.run}
+    inputs = {name: _figures(run, rows[name].metrics) for name, run in runs.items()}
+    for dense in runs.keys() & set(DENSE):
+        for name in inputs.keys() - {dense}:
+            off = evaluate_poses(runs[name].odometry.poses, runs[dense].odometry.poses).ate.aligned.rmse
             inputs[name] = replace(inputs[name], to_full_m=off)
     segments = sorted({figures.drift_name for figures in inputs.values() if figures.drift_name})
     drift = "; ".join([PROTOCOL["drift"], *segments])
     return Comparison(inputs, PROTOCOL | {"drift": drift})
 
 
-def _odometry(folder: Path) -> Array:
-    """Poses (N, 4, 4) before loop closure."""
-    return read_poses(folder / "odometry_tum.txt", "xyzw")[1]
-
-
-def _figures(folder: Path) -> RunFigures:
+def _figures(run: RunDetails, metrics: Metrics | None) -> RunFigures:
+    report, accuracy = run.report, _accuracy(metrics)
     try:
-        report = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        metrics = folder / "metrics.json"
-        found = RunMetrics.from_dict(json.loads(metrics.read_text(encoding="utf-8"))) if metrics.exists() else None
-        with (folder / "timings.csv").open(encoding="utf-8") as file:
-            points = [int(row["points"]) for row in csv.DictReader(file)]
         times = report["timings_ms"]
-        accuracy = _accuracy(found.slam if found else None)
         return RunFigures(
             **accuracy | {"notes": (*accuracy["notes"], *report.get("notes", ()))},
             path_m=report["path_length_m"],
@@ -140,13 +129,13 @@ def _figures(folder: Path) -> RunFigures:
             failed=report["counts"]["failed"],
             loops=report["loops"]["accepted"],
             map_points=report["map_points"],
-            points_per_scan=round(median(points)),
+            points_per_scan=round(float(np.median(run.frames.points))),
             front_end_ms=times["front_end"]["median"],
             odometry_ms=times["odometry"]["median"],
         )
-    except (OSError, ValueError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError) as error:
         reason = f"{type(error).__name__}: {error}"
-        raise InputError(f"{folder}: not a complete run ({reason}); run it again") from error
+        raise InputError(f"{run.folder}: not a complete run ({reason}); run it again") from error
 
 
 def _accuracy(metrics: Metrics | None) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 Example:
     >>> import lidarlift
-    >>> run = lidarlift.run("my_drive", sensor="vlp16", input="enriched", enricher="ray-segment", out="runs/mine")
+    >>> run = lidarlift.run("my_sequence", sensor="vlp16", input="enriched", enricher="ray-segment", out="runs/mine")
     >>> run.poses, run.map  # (N, 4, 4) T_world_lidar after loop closure, and the global map
 """
 

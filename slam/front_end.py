@@ -60,7 +60,7 @@ class RingFrontEnd:
         assert self.sensor is not None
         if self.kept is None:
             return self.sensor, np.arange(self.sensor.ring_count)
-        return kept_lines(self.sensor, self.settings.drop, self.settings.phase, self.kept)
+        return kept_lines(self.sensor, self.settings.ring_selection, self.settings.phase, self.kept)
 
     def __call__(self, frame: Frame, history: History) -> PointCloud:
         """Return the cloud of a frame, with the rings that are kept."""
@@ -76,4 +76,4 @@ class RingFrontEnd:
     def _dropped(self, cloud: PointCloud) -> PointCloud:
         assert self.kept is not None
         settings = self.settings
-        return drop_rings(cloud, settings.drop, settings.phase, self.sensor, self.rings or 64, self.kept)
+        return drop_rings(cloud, settings.ring_selection, settings.phase, self.sensor, self.rings or 64, self.kept)

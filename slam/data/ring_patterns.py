@@ -70,7 +70,7 @@ def drop_rings(
         raise InputError(f"unknown ring pattern '{pattern}'{suggest(pattern, PATTERNS)}")
     if pattern != "every-4th" and (rings, kept) != (64, KEPT):
         raise InputError(
-            f"the pattern {pattern} selects 16 of 64 rings, not {kept} of {rings}; leave front_end.drop out"
+            f"the pattern {pattern} selects 16 of 64 rings, not {kept} of {rings}; leave front_end.ring_selection out"
         )
     selected = evenly(rings, kept, phase) if pattern == "every-4th" else VLP16_RINGS
     if cloud.ring is None:
