@@ -95,7 +95,7 @@ def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -
     stamps, e = read_poses(estimate)
     theirs = read_whole_trajectory(reference)
     T_camera0_lidar = None if calib is None else read_camera0_calibration(calib)
-    order = _other_order(theirs, stamps, e, T_camera0_lidar)
+    order = other_order(theirs, stamps, e, T_camera0_lidar)
     reference_stamps, g = theirs.stamps, theirs.readings[order] if order else theirs.poses
     protocol = {"association": "equal numbers of poses, in order"}
     if stamps is not None and reference_stamps is not None:
@@ -248,8 +248,18 @@ def _consistency(folder: Path, truth_stamps: Array, truth: Array) -> Consistency
     return consistency(poses[ours], covariances[ours], truth[theirs])
 
 
-def _other_order(theirs: Trajectory, stamps: Array | None, e: Array, T_camera0_lidar: Array | None) -> str | None:
-    """The order of the reference's quaternions, where the estimate agrees with another one than they are read in."""
+def other_order(theirs: Trajectory, stamps: Array | None, e: Array, T_camera0_lidar: Array | None) -> str | None:
+    """Return the order of a reference's quaternions if an estimate agrees with another one than they are read in.
+
+    Args:
+        theirs: The reference.
+        stamps: Stamps of the estimate (N,) [s], None without.
+        e: Poses of the estimate (N, 4, 4).
+        T_camera0_lidar: Transforms the reference into the LiDAR frame before it is compared, None if it need not be.
+
+    Returns:
+        'xyzw' or 'wxyz'; None if the order is right or cannot be told.
+    """
     if stamps is not None and theirs.stamps is not None:
         ours, pairs = associate(stamps, theirs.stamps)
     else:
