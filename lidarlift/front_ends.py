@@ -160,7 +160,7 @@ def why_not_enriched(sensor: Sensor | None, rings: int | None) -> str | None:
         rings: Number of rings, if known.
     """
     if sensor is None:
-        lines = "the scans have no rings" if rings is None else "the laser lines are unknown"
+        lines = "the laser lines are unknown" if rings else "the scans have no rings, and the laser lines are unknown"
         remedy = "name the LiDAR: --sensor hdl64, --sensor vlp16 or --sensor FILE.yaml with its laser lines"
         return f"{lines}; {remedy} (a LiDAR without rings is not enriched: --input full)"
     if sensor.ring_count == 64 or sensor.ring_count <= MOST_ENRICHED:

@@ -118,7 +118,7 @@ def test_a_lidar_without_rings_has_only_the_full_scan(tmp_path: Path) -> None:
     data = UserFolder(tmp_path)
     assert available_inputs(data) == ["full"]
     title = comparison_title(data, rows_for(["full"]), slice(None))
-    assert "1 frames, not enriched: the scans have no rings; name the LiDAR: --sensor" in title
+    assert "1 frames, not enriched: the scans have no rings, and the laser lines are unknown; name the LiDAR" in title
 
 
 def test_a_lidar_whose_lines_are_unknown_is_not_enriched(tmp_path: Path) -> None:
