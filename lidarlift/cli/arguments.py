@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,21 +12,7 @@ from enrichment.methods.registry import METHODS
 from slam.config import preset_names
 from slam.data.errors import InputError
 from slam.data.registry import Registry
-<<<<<<< HEAD
-from slam.data.sensor_names import SENSORS
 from slam.settings import FrontEndSettings
-=======
-
-
-class Input(StrEnum):
-    """Input of the registration."""
-
-    FULL = "full"
-    SIXTY_FOUR = "64"
-    SIXTEEN = "16"
-    ENRICHED = "enriched"
->>>>>>> main
-
 
 DatasetArgument = Annotated[
     Path,

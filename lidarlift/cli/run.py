@@ -47,23 +47,8 @@ def run(
     from slam.data.dataset import ring_count
     from slam.session import read_report
 
-<<<<<<< HEAD
-    said: dict[str, Any] = {
-        "stamp": stamp and stamp.value,
-        "point_time": point_time,
-        "columns": columns,
-        "topic": topic,
-        "image_topic": image_topic,
-        "truth_topic": truth_topic,
-        "start": seconds(start, "--start"),
-        "duration": seconds(duration, "--duration"),
-    }
-    data = open_dataset(dataset, sequence, sensor, **said)
-    chosen = settings_for(ring_count(data), input, enricher, config, set_ or ())
-=======
     data = reading.opened(dataset)
-    chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
->>>>>>> main
+    chosen = settings_for(ring_count(data), input, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict)
     report = read_report(folder)
