@@ -17,6 +17,7 @@ from lidarlift.front_ends import (
     with_runnable_enricher,
 )
 from lidarlift.reporting import Quiet, Reporter
+from lidarlift.reports import report_runs
 from lidarlift.running import run_into
 from slam.config import load_config
 from slam.data.atomic import require_writable, write_text
@@ -48,7 +49,7 @@ def compare(
 
     Args:
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
-        out: The folder for a run folder each, compare.json and compare.md.
+        out: The folder for a run folder each, compare.json, compare.md and report.html.
         sequence: Name of the sequence, if the folder has several.
         sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
         enricher: The enrichment method; by default that of the settings.
@@ -73,8 +74,8 @@ def compare(
 def available_inputs(data: Dataset) -> Sequence[str]:
     """Return the inputs that can be compared, named by what they are: 16, enriched, and 64 or full.
 
-    A LiDAR of 16 rings or fewer has no sparser input, one without rings only the full scan. `why_not_enriched` gives
-    the reason where scans are not enriched.
+    A LiDAR of 16 rings or fewer has no sparser input, one without rings only the full scan; without laser lines scans
+    are not enriched.
     """
     from slam.data.dataset import ring_count
 
@@ -82,7 +83,7 @@ def available_inputs(data: Dataset) -> Sequence[str]:
     if rings is None:
         return ["full"]
     sparse, *dense = [*(["16"] if rings > FEW_RINGS else []), recorded_input(rings)]
-    return [sparse, *([] if why_not_enriched(data.sensor, rings) else ["enriched"]), *dense]
+    return [sparse, *(["enriched"] if data.sensor else []), *dense]
 
 
 def rows_for(
@@ -93,14 +94,18 @@ def rows_for(
 ) -> dict[str, Config]:
     """Return the settings of each row: one row per input, and ray-segment before any other enricher.
 
+    Enriched are 16 rings, those of row 16, of a LiDAR with any number of rings.
+
     Raises:
         InputError: As `load_config` and `with_runnable_enricher`.
     """
+    rings = load_config(config, overrides).front_end.enriched_rings or FEW_RINGS
     rows = {}
     for channels in inputs:
-        settings = with_runnable_enricher(load_config(config, overrides, input=channels, enricher=enricher))
+        chosen = {"input": channels, "enriched_rings": rings if channels == "enriched" else None}
+        settings = with_runnable_enricher(load_config(config, overrides, enricher=enricher, **chosen))
         if channels == "enriched" and settings.front_end.enricher != TRAINING_FREE:
-            rows[TRAINING_FREE] = load_config(config, overrides, input=channels, enricher=TRAINING_FREE)
+            rows[TRAINING_FREE] = load_config(config, overrides, enricher=TRAINING_FREE, **chosen)
         rows[channels] = settings
     return rows
 
@@ -115,8 +120,11 @@ def compare_into(
     name: str | None = None,
     strict: bool = False,
     on_row: Callable[[str], None] | None = None,
+    command: str | None = None,
 ) -> Comparison:
-    """Write a run folder for each row, with compare.json and compare.md; call `on_row` when a row is done.
+    """Write a run folder for each row, with compare.json, compare.md and the report.
+
+    `on_row` is called when a row is done; `command` is the command line that repeats the comparison, for the report.
 
     Raises:
         InputError: As `lidarlift.run`. A folder that cannot be written, or is the data set's own, is reported
@@ -131,12 +139,14 @@ def compare_into(
     for each in folders.values():
         require_writable(each)
     for row, settings in rows.items():
-        run_into(folders[row], data, settings, frames, reporter, name=name, strict=strict)
+        run_into(folders[row], data, settings, frames, reporter, name=name, strict=strict, report=False)
         if on_row:
             on_row(row)
     comparison = compare_runs(folders)
     write_json(folder / "compare.json", comparison.as_dict())
-    write_text(folder / "compare.md", comparison_markdown(comparison, comparison_title(data, rows, frames, name)))
+    title = comparison_title(data, rows, frames, name)
+    write_text(folder / "compare.md", comparison_markdown(comparison, title))
+    report_runs(folder, title, folders, command)
     return comparison
 
 

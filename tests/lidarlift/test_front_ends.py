@@ -105,7 +105,7 @@ def test_64_is_of_64_rings(rings: int) -> None:
         ("vlp16", ["16", "enriched"]),
         ("hdl32", ["16", "enriched", "full"]),
         ("hdl64", ["16", "enriched", "64"]),
-        ("os0-128", ["16", "full"]),
+        ("os0-128", ["16", "enriched", "full"]),
     ],
 )
 def test_what_can_be_compared(tmp_path: Path, name: str, inputs: list[str]) -> None:
