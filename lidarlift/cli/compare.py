@@ -17,7 +17,7 @@ from lidarlift.cli.arguments import (
     StrictOption,
     frame_slice,
 )
-from lidarlift.cli.console import Console
+from lidarlift.cli.console import Console, command_line
 from lidarlift.cli.data_options import DataOptions, with_data_options
 from lidarlift.comparing import available_inputs, compare_into, comparison_title, rows_for
 from lidarlift.comparing_trajectories import compared, is_of_trajectories
@@ -75,7 +75,7 @@ def compare(
     data = reading.opened(Path(paths[0]))
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
     rows, chosen = rows_for(available_inputs(data), enricher, config, set_ or ()), frame_slice(frames)
-    comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)
+    comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict, command=command_line())
     print_comparison(comparison, comparison_title(data, rows, chosen), folder, rows)
 
 
@@ -92,9 +92,9 @@ def _compare_trajectories(
 
     labels = [source.label for source in labelled([source_of(path) for path in paths])]
     folder = out or Path("runs") / f"{'-'.join(re.sub('[^A-Za-z0-9._]+', '-', label) for label in labels[:3])}-compared"
-    comparison, title = compared(paths, folder, reference, sequence, truth_topic, calib)
+    comparison, title = compared(paths, folder, reference, sequence, truth_topic, calib, command_line())
     print(f"{title}\n\n{format_comparison(comparison)}")
-    print(f"{folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")
+    print_written(folder)
 
 
 def print_comparison(comparison: Comparison, title: str, folder: Path, rows: Iterable[str]) -> None:
@@ -106,4 +106,10 @@ def print_comparison(comparison: Comparison, title: str, folder: Path, rows: Ite
     files = "map.pcd, map.png, trajectory_tum.txt (and _kitti), trajectory.png, loops.csv, metrics.json"
     for row in rows:
         print(f"{folder / row}: {files}")
+    print_written(folder)
+
+
+def print_written(folder: Path) -> None:
+    """Print the files of the comparison itself."""
     print(f"{folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")
+    print(f"{folder / 'report.html'}: everything in one page, for a browser")
