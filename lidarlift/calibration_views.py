@@ -33,7 +33,7 @@ class ChosenCamera:
     recorded: Calibration | None
     guess: Calibration
     file: Path | None
-    name: str | None
+    name: str
 
     def image(self, frame: Frame) -> Array | None:
         """The image of a frame."""
@@ -57,7 +57,7 @@ def chosen_camera(data: Dataset, name: str | None, guess: Calibration | str | Pa
             raise InputError(f"{data.path}: one camera, without a name; leave --camera out")
         recorded = camera_named(own, name).calibration
     if isinstance(guess, Calibration):
-        return ChosenCamera(recorded, guess, None, name)
+        return ChosenCamera(recorded, guess, None, name or "")
     if guess is not None:
         found = camera_named(Path(guess), name)
         return ChosenCamera(recorded, found.calibration, Path(guess), found.name)
@@ -66,7 +66,7 @@ def chosen_camera(data: Dataset, name: str | None, guess: Calibration | str | Pa
             f"{data.path}: no calibration of a camera to start from; give --guess FILE with K and T_camera_lidar"
         )
     if not own.is_file():
-        return ChosenCamera(recorded, recorded, None, None)
+        return ChosenCamera(recorded, recorded, None, "")
     return ChosenCamera(recorded, recorded, own, camera_named(own, name).name)
 
 

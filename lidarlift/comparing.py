@@ -7,8 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarlift.folders import require_apart
-from lidarlift.front_ends import FEW_RINGS, MOST_ENRICHED, TRAINING_FREE, input_name, opened, with_runnable_enricher
+from lidarlift.front_ends import (
+    FEW_RINGS,
+    TRAINING_FREE,
+    input_name,
+    opened,
+    recorded_input,
+    why_not_enriched,
+    with_runnable_enricher,
+)
 from lidarlift.reporting import Quiet, Reporter
+from lidarlift.reports import report_runs
 from lidarlift.running import run_into
 from slam.config import load_config
 from slam.data.atomic import require_writable, write_text
@@ -40,7 +49,7 @@ def compare(
 
     Args:
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
-        out: The folder for a run folder each, compare.json and compare.md.
+        out: The folder for a run folder each, compare.json, compare.md and report.html.
         sequence: Name of the sequence, if the folder has several.
         sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
         enricher: The enrichment method; by default that of the settings.
@@ -63,16 +72,18 @@ def compare(
 
 
 def available_inputs(data: Dataset) -> Sequence[str]:
-    """Return the inputs that can be compared.
+    """Return the inputs that can be compared, named by what they are: 16, enriched, and 64 or full.
 
-    A sensor of 16 rings or fewer has no full input besides input 16; one of more than MOST_ENRICHED rings, except 64,
-    is not enriched.
+    A LiDAR of 16 rings or fewer has no sparser input, one without rings only the full scan; without laser lines scans
+    are not enriched.
     """
     from slam.data.dataset import ring_count
 
-    rings = ring_count(data) or 64
-    enriched = rings == 64 or rings <= MOST_ENRICHED
-    return [name for name, there in zip(INPUTS, (True, enriched, rings > FEW_RINGS), strict=True) if there]
+    rings = ring_count(data)
+    if rings is None:
+        return ["full"]
+    sparse, *dense = [*(["16"] if rings > FEW_RINGS else []), recorded_input(rings)]
+    return [sparse, *(["enriched"] if data.sensor else []), *dense]
 
 
 def rows_for(
@@ -83,14 +94,18 @@ def rows_for(
 ) -> dict[str, Config]:
     """Return the settings of each row: one row per input, and ray-segment before any other enricher.
 
+    Enriched are 16 rings, those of row 16, of a LiDAR with any number of rings.
+
     Raises:
         InputError: As `load_config` and `with_runnable_enricher`.
     """
+    rings = load_config(config, overrides).front_end.enriched_rings or FEW_RINGS
     rows = {}
     for channels in inputs:
-        settings = with_runnable_enricher(load_config(config, overrides, input=channels, enricher=enricher))
+        chosen = {"input": channels, "enriched_rings": rings if channels == "enriched" else None}
+        settings = with_runnable_enricher(load_config(config, overrides, enricher=enricher, **chosen))
         if channels == "enriched" and settings.front_end.enricher != TRAINING_FREE:
-            rows[TRAINING_FREE] = load_config(config, overrides, input=channels, enricher=TRAINING_FREE)
+            rows[TRAINING_FREE] = load_config(config, overrides, enricher=TRAINING_FREE, **chosen)
         rows[channels] = settings
     return rows
 
@@ -105,8 +120,11 @@ def compare_into(
     name: str | None = None,
     strict: bool = False,
     on_row: Callable[[str], None] | None = None,
+    command: str | None = None,
 ) -> Comparison:
-    """Write a run folder for each row, with compare.json and compare.md; call `on_row` when a row is done.
+    """Write a run folder for each row, with compare.json, compare.md and the report.
+
+    `on_row` is called when a row is done; `command` is the command line that repeats the comparison, for the report.
 
     Raises:
         InputError: As `lidarlift.run`. A folder that cannot be written, or is the data set's own, is reported
@@ -121,15 +139,21 @@ def compare_into(
     for each in folders.values():
         require_writable(each)
     for row, settings in rows.items():
-        run_into(folders[row], data, settings, frames, reporter, name=name, strict=strict)
+        run_into(folders[row], data, settings, frames, reporter, name=name, strict=strict, report=False)
         if on_row:
             on_row(row)
     comparison = compare_runs(folders)
     write_json(folder / "compare.json", comparison.as_dict())
-    write_text(folder / "compare.md", comparison_markdown(comparison, comparison_title(data, rows, frames, name)))
+    title = comparison_title(data, rows, frames, name)
+    write_text(folder / "compare.md", comparison_markdown(comparison, title))
+    report_runs(folder, title, folders, command)
     return comparison
 
 
 def comparison_title(data: Dataset, rows: Mapping[str, Config], frames: slice, name: str | None = None) -> str:
-    """Return the title of a comparison: the sequence, the number of frames, and the enricher."""
-    return f"{name or data.name}, {len(range(len(data))[frames])} frames, {input_name(rows['enriched'])}"
+    """Return the title of a comparison: the sequence, the number of frames, and the enricher or why there is none."""
+    from slam.data.dataset import ring_count
+
+    reason = why_not_enriched(data.sensor, ring_count(data))
+    enriched = input_name(rows["enriched"]) if "enriched" in rows else f"not enriched: {reason}"
+    return f"{name or data.name}, {len(range(len(data))[frames])} frames, {enriched}"

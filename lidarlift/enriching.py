@@ -25,14 +25,14 @@ def enrich(
 ) -> Iterator[tuple[Frame, PointCloud]]:
     """Enrich the scans of a sequence one by one.
 
-    64-ring scans are first reduced to every fourth ring (front_end.phase, front_end.drop); scans of other sensors keep
-    all rings.
+    64-ring scans are first reduced to every fourth ring (front_end.phase, front_end.ring_selection); scans of other
+    sensors keep all rings.
 
     Args:
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
         sequence: Name of the sequence, if the folder has several.
         sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
-        enricher: The enrichment method: 'ray-segment' needs no training; 'lift', the default, is our network.
+        enricher: The enrichment method: 'ray-segment', the default, needs no training; 'lift' is our network.
         config: A preset's name or a YAML file.
         overrides: Single settings, as in 'front_end.coverage=0.8'.
         frames: Positions in the data set, as a slice of a list.
@@ -47,7 +47,7 @@ def enrich(
         ValueError: `sequence` or `sensor` is given for a data set that is already open.
 
     Example:
-        >>> for frame, cloud in lidarlift.enrich("my_drive", sensor="vlp16", enricher="ray-segment"):
+        >>> for frame, cloud in lidarlift.enrich("my_sequence", sensor="vlp16", enricher="ray-segment"):
         ...     print(frame.index, len(cloud), cloud.sigma[~cloud.measured].mean())
     """
     from slam.data.dataset import chosen_positions

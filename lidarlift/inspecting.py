@@ -6,13 +6,13 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 if TYPE_CHECKING:
     from slam.data.cloud import Array, PointCloud
-    from slam.data.dataset import Dataset
+    from slam.data.dataset import Dataset, DatasetOptions
     from slam.data.point_files import Points
     from slam.data.problem import Problem
 
@@ -20,6 +20,28 @@ MAX_SCANS = 12  # that are read, evenly spaced
 MAX_SPARSE_RINGS, DENSE_RINGS = 32, 64  # enrichment is useful; 16 rings can be selected, enriched and compared
 MAX_DIFFERENCE = 0.6  # deg, median over the rings of the difference between a ring's elevation and a sensor's line
 GAP = 1.5  # times the usual step between stamps
+PAUSE = 3.0  # times the usual step between messages, which networks deliver less evenly
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """A topic of a recording.
+
+    Attributes:
+        name: Name of the topic.
+        type: Type of its messages, as ROS 2 writes it.
+        messages: Number of messages.
+        rate_hz: Messages per second.
+        longest_gap_s: Longest time [s] between successive messages that is much longer than usual; 0 without one.
+        use: How a run uses it; '' if it does not.
+    """
+
+    name: str
+    type: str
+    messages: int
+    rate_hz: float
+    longest_gap_s: float
+    use: str
 
 
 @dataclass(frozen=True)
@@ -55,6 +77,8 @@ class Info:
         truth_m: Travelled distance [m] of the ground truth, without gaps.
         problems: Problems that a run would report: each kind with its count and first message.
         commands: Commands to run SLAM on the data set.
+        topics: Topics of a recording; empty for other data sets.
+        cameras: Number of calibrated cameras.
     """
 
     name: str
@@ -85,6 +109,8 @@ class Info:
     truth_m: float
     problems: tuple[tuple[str, int, str], ...]
     commands: tuple[str, ...]
+    topics: tuple[TopicInfo, ...] = ()
+    cameras: int = 0
 
 
 def info(
@@ -92,8 +118,8 @@ def info(
     *,
     sequence: str | None = None,
     sensor: str | Path | None = None,
-    columns: str | None = None,
     every_scan: bool = False,
+    **options: Unpack[DatasetOptions],
 ) -> Info:
     """Inspect a data set: open it and read some of its scans.
 
@@ -101,21 +127,21 @@ def info(
         path: A path that `open_dataset` takes.
         sequence: Name of the sequence, if the folder has several.
         sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
-        columns: Columns of .bin and .npy scans, as in `open_dataset`.
         every_scan: Read all scans, so that all damage is found.
+        **options: Those of `open_dataset`.
 
     Raises:
         InputError: As `open_dataset`.
 
     Example:
-        >>> found = lidarlift.info("my_drive")
+        >>> found = lidarlift.info("my_sequence")
         >>> found.scans, found.rate_hz, found.rings, found.point_times
         (4541, 10.0, 16, 'field t, ns, relative, 0 to 99.9 ms of a 100 ms sweep, in 12 of 12 scans; stamp = start')
     """
     from slam.data.dataset import open_dataset
     from slam.data.stamps import usual_step
 
-    data = open_dataset(path, sequence, sensor, columns=columns)
+    data = open_dataset(path, sequence, sensor, **options)
     chosen = np.arange(len(data)) if every_scan else np.linspace(0, len(data) - 1, MAX_SCANS).round().astype(int)
     inspected = [_inspect_scan(data, int(position)) for position in np.unique(chosen)]
     full = [scan for scan in inspected if scan.points] or inspected[:1]
@@ -151,8 +177,10 @@ def info(
         calibrated=data.calibration is not None,
         truth=truth,
         truth_m=truth_m,
+        topics=_topics(data),
+        cameras=max((scan.cameras for scan in inspected), default=0),
         problems=_kinds([*data.problems, *(problem for scan in inspected for problem in scan.problems)]),
-        commands=_commands(path, {"sequence": sequence, "sensor": sensor or looks_like, "columns": columns}, rings),
+        commands=_commands(path, {"sequence": sequence, "sensor": sensor or looks_like, **options}, rings),
     )
 
 
@@ -168,6 +196,7 @@ class _ScanInfo:
         ring_field: Whether one of them is the ring.
         elevations: Median elevation [deg] of each ring, top first.
         image_size: Width and height of the image, None without one.
+        cameras: Number of calibrated cameras.
         problems: Problems of the scan.
     """
 
@@ -178,6 +207,7 @@ class _ScanInfo:
     ring_field: bool
     elevations: Array
     image_size: tuple[int, int] | None
+    cameras: int
     problems: tuple[Problem, ...]
 
 
@@ -197,6 +227,7 @@ def _inspect_scan(data: Dataset, position: int) -> _ScanInfo:
         ring_field=raw is not None and raw.ring is not None,
         elevations=_elevations(cloud),
         image_size=None if image is None else (image.shape[1], image.shape[0]),
+        cameras=len(frame.views),
         problems=(*frame.problems, *found_in_reading(frame)),
     )
 
@@ -264,6 +295,27 @@ def _truth(poses: Array | None) -> tuple[int, float]:
     return int(np.isfinite(poses[:, 0, 0]).sum()), float(np.nansum(steps))
 
 
+def _topics(data: Dataset) -> tuple[TopicInfo, ...]:
+    """The topics of a recording, and how a run uses each."""
+    recording = getattr(data, "recording", None)
+    if recording is None:
+        return ()
+    from slam.data.recordings.recording import USES
+
+    uses = {topic: use.partition(" ")[0] for use, topic in getattr(data, "topics", {}).items()}
+    return tuple(
+        TopicInfo(
+            name,
+            topic.type,
+            topic.count,
+            topic.rate,
+            topic.longest_step if topic.longest_step * topic.rate > PAUSE else 0.0,
+            uses.get(name) or USES.get(topic.type, ""),
+        )
+        for name, topic in recording.topics.items()
+    )
+
+
 def _kinds(problems: Sequence[Problem]) -> tuple[tuple[str, int, str], ...]:
     """The kinds of the problems, each with its count and first message."""
     kinds: dict[str, list[str]] = {}
@@ -274,8 +326,8 @@ def _kinds(problems: Sequence[Problem]) -> tuple[tuple[str, int, str], ...]:
 
 def _commands(path: str | Path, options: Mapping[str, object], rings: int | None) -> tuple[str, ...]:
     """Commands to run SLAM, and to enrich or compare where the rings allow it."""
-    given = "".join(f" --{name} {shlex.quote(str(value))}" for name, value in options.items() if value)
-    arguments = f"{shlex.quote(str(path))}{given}"
+    given = {name.replace("_", "-"): shlex.quote(str(value)) for name, value in options.items() if value}
+    arguments = " ".join([shlex.quote(str(path)), *(f"--{name} {value}" for name, value in given.items())])
     commands = [f"lidarlift run {arguments}"]
     if rings is not None and rings <= MAX_SPARSE_RINGS:
         commands.append(f"lidarlift run {arguments} --input enriched")

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarlift.folders import require_apart
-from lidarlift.front_ends import front_end_maker, input_name, opened, settings_for
+from lidarlift.front_ends import front_end_maker, front_end_notes, input_name, opened, settings_for
+from lidarlift.kept_scan import KeptScan
 from lidarlift.reporting import Quiet, Reporter, note_problems
+from lidarlift.reports import report_run
 from slam.data.atomic import require_writable
 
 if TYPE_CHECKING:
@@ -40,9 +42,9 @@ def run(
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
         sequence: Name of the sequence, if the folder has several.
         sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
-        input: 'full': scans as recorded (of 64 rings also '64'); '16': 16 rings; 'enriched': 16 rings with virtual
-            beams between them. Default: as recorded.
-        enricher: The enrichment method: 'ray-segment' needs no training; 'lift', the default, is our network.
+        input: 'full': scans as recorded (of 64 rings also '64'); '16' or another number: so many rings; 'enriched': 16
+            of 64 rings, or all rings of a sparser LiDAR, with virtual beams between them. Default: as recorded.
+        enricher: The enrichment method: 'ray-segment', the default, needs no training; 'lift' is our network.
         config: A preset's name, a YAML file, or the result of `load_config`.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
         frames: Positions in the data set, as a slice of a list.
@@ -70,7 +72,11 @@ def run(
     settings = settings_for(ring_count(data), input, enricher, config, overrides)
     poses = None if odometry is None else Path(odometry)
     task = _Task(data, settings, frames, poses, strict, reporter or Quiet())
-    return task.run() if out is None else task.run_into(Path(out))[0]
+    if out is None:
+        return task.run()
+    result, _ = task.run_into(Path(out))
+    report_run(Path(out), task.report_title)
+    return result
 
 
 def run_into(
@@ -83,6 +89,8 @@ def run_into(
     odometry: Path | None = None,
     name: str | None = None,
     strict: bool = False,
+    report: bool = True,
+    command: str | None = None,
 ) -> tuple[Run, RunMetrics | None]:
     """Run SLAM with complete settings, and write the run folder. See `run`.
 
@@ -95,6 +103,8 @@ def run_into(
         odometry: A file with LiDAR poses of another odometry, in place of ours.
         name: Name in progress and plot. Default: that of the data set.
         strict: Raise an error at the first problem of the data.
+        report: Write the report, too.
+        command: The command line that makes the run again, for the report.
 
     Returns:
         The run, and its metrics; None without ground truth.
@@ -102,7 +112,11 @@ def run_into(
     Raises:
         InputError: As `run`.
     """
-    return _Task(data, settings, frames, odometry, strict, reporter, name).run_into(folder)
+    task = _Task(data, settings, frames, odometry, strict, reporter, name)
+    result = task.run_into(folder)
+    if report:
+        report_run(folder, task.report_title, command)
+    return result
 
 
 @dataclass(frozen=True)
@@ -121,8 +135,15 @@ class _Task:
     def title(self) -> str:
         return f"{self.name or self.data.name}, {input_name(self.settings)}"
 
+    @property
+    def report_title(self) -> str:
+        return f"{self.title}, {len(range(len(self.data))[self.frames])} frames"
+
     def run(
-        self, on_odometry: Callable[[Run], None] | None = None, on_stop: Callable[[Run], None] | None = None
+        self,
+        on_odometry: Callable[[Run], None] | None = None,
+        on_stop: Callable[[Run], None] | None = None,
+        kept: KeptScan | None = None,
     ) -> Run:
         from slam.compilation import compile_kernels
         from slam.data.dataset import ring_count
@@ -137,7 +158,8 @@ class _Task:
             self.settings, lambda: self.reporter.note("compiling kernels, only at the first run: about 20 s ...")
         )
         with self.reporter.progress(self.title, len(range(len(self.data))[self.frames])) as advance:
-            result = Pipeline(self.settings, make_front_end).run(
+            around = kept.around if kept else lambda front_end: front_end
+            result = Pipeline(self.settings, lambda: around(make_front_end())).run(
                 self.data,
                 self.frames,
                 recorded=recorded,
@@ -146,12 +168,14 @@ class _Task:
                 on_odometry=on_odometry,
                 on_stop=on_stop,
             )
+        result.remarks = front_end_notes(self.settings.front_end, self.data.sensor, ring_count(self.data))
         note_problems(result.problems, self.reporter)
         return result
 
     def run_into(self, folder: Path) -> tuple[Run, RunMetrics | None]:
         from eval.evaluation import evaluate_run
         from eval.plot import plot_run
+        from eval.report.scan import save_scan
         from slam.session import save_odometry, save_run, save_stopped
 
         require_apart(folder, self.data)
@@ -162,8 +186,11 @@ class _Task:
                 self.reporter.note(f"stopped after {len(run.records)} frames; the poses are written to {written}")
 
         # the odometry is saved first, so that it is kept if loops or map fail or are interrupted
-        result = self.run(on_odometry=lambda run: save_odometry(run, folder), on_stop=save_partial)
+        kept = KeptScan(len(range(len(self.data))[self.frames]))
+        result = self.run(lambda run: save_odometry(run, folder), save_partial, kept)
         save_run(result, folder)
+        if scan := kept.scan():
+            save_scan(folder, scan)
         metrics = evaluate_run(folder)
         plot_run(folder, self.title)
         return result, metrics

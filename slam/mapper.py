@@ -21,7 +21,7 @@ from slam.loops.closing import LoopSearch
 from slam.mapping.global_map import build_map
 from slam.mapping.keyframes import Keyframes
 from slam.odometry import OdometryStep
-from slam.settings import Config
+from slam.settings import Config, PoseGraphSettings
 
 MIN_TRAVELLED = 0.5  # m, lower bound of the distance in the drift model: a vehicle may turn on the spot
 MAX_QUEUED_SCANS = 20  # the odometry blocks when mapping is this many scans behind: bounds the memory
@@ -177,9 +177,14 @@ class Mapper:
         """Motion (4, 4) of a keyframe since the one before, and its covariance (6, 6): registration plus drift."""
         before, here = self._keyframes.poses[number - 1 : number + 1]
         distance = max(float(np.diff(self._keyframes.travelled[number - 1 : number + 1])[0]), MIN_TRAVELLED)
-        settings = self.config.pose_graph
-        sigma = np.array([np.deg2rad(settings.rotation_drift_deg)] * 3 + [settings.translation_drift] * 3)
-        return se3.normalized(se3.inverse(before) @ here), self._covariances[number] + np.diag(sigma**2 * distance)
+        drift = distance * drift_per_metre(self.config.pose_graph)
+        return se3.normalized(se3.inverse(before) @ here), self._covariances[number] + drift
+
+
+def drift_per_metre(settings: PoseGraphSettings) -> Array:
+    """Return the covariance (6, 6) that the odometry's drift adds per metre of travelled distance."""
+    sigma = np.array([np.deg2rad(settings.rotation_drift_deg)] * 3 + [settings.translation_drift] * 3)
+    return np.diag(sigma**2)
 
 
 def corrected_poses(poses: Array, indices: Array, keyframes: Array, optimised: Array) -> Array:

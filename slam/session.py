@@ -20,6 +20,7 @@ from slam import degeneracy
 from slam.data.atomic import write_text
 from slam.data.body_frame import rotations
 from slam.data.cloud import Array
+from slam.data.covariance_file import MEANING, covariance_text
 from slam.data.errors import InputError
 from slam.data.machine import peak_memory
 from slam.data.point_writer import write_points
@@ -35,10 +36,13 @@ RESULTS = (  # written after loops and map
     "trajectory.png",
     "trajectory_kitti.txt",
     "trajectory_tum.txt",
+    "trajectory_covariance.csv",
     "loops.csv",
     "graph.g2o",
     "map.pcd",
     "map.png",
+    "scan.npz",
+    "report.html",
 )
 PACKAGES = ("lidarlift", "numpy", "numba", "scipy", "gtsam", "onnxruntime", "open3d", "open3d-cpu", "evo")
 
@@ -61,7 +65,7 @@ def save_odometry(run: Run, folder: str | Path) -> None:
 def save_stopped(run: Run, folder: str | Path) -> Path | None:
     """Write the odometry of a stopped run, as `save_odometry` does, so that its poses are not lost.
 
-    If the folder has a finished run, that run is kept, and FOLDER-stopped is written beside it.
+    If the folder has a finished run, that run is kept, and FOLDER-stopped is written next to it.
 
     Returns:
         The folder; None if there are no frames, or the folder cannot be written.
@@ -88,6 +92,8 @@ def save_run(run: Run, folder: str | Path) -> Path:
     folder = Path(folder)
     save_odometry(run, folder)
     _write_poses(run, folder, "trajectory", run.poses)
+    frames = [record.index for record in run.records]
+    write_text(folder / "trajectory_covariance.csv", covariance_text(frames, run.stamps, run.covariances()))
     _write_mapping(run, folder)
     write_text(folder / "run.json", json.dumps(_report(run), indent=2) + "\n")
     return folder
@@ -176,6 +182,7 @@ def _report(run: Run) -> dict[str, Any]:
             "topics": dict(source.topics),
             "sizes_m": asdict(run.sizes) if run.sizes else None,
             "alignment": "none: the first frame is the origin; metrics.json says how each figure was aligned",
+            "covariances": MEANING,
             "versions": _versions(),
             "config": run.config.model_dump(mode="json"),
         },

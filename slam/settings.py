@@ -16,14 +16,16 @@ class Settings(BaseModel):
 class FrontEndSettings(Settings):
     """Conversion of the recorded scan into the cloud that is registered."""
 
-    # full: as recorded, and so is 64; 16: 16 of its rings; enriched: 16 enriched to about 64
-    input: Literal["full", "64", "16", "enriched"] = "64"
-    drop: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"  # which 16 of its rings; every-4th as in papers
+    # full: as recorded, and so is 64; 16 or another number: so many of its rings; enriched: 16 enriched to about 64
+    input: str = "64"
+    enriched_rings: int | None = Field(None, ge=2)  # that input enriched keeps; None: 16 of 64, else all
+    # of its rings; every-4th as in papers, vlp16: those nearest to a VLP-16's, average-pool: as in the paper
+    ring_selection: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"
     phase: int = Field(0, ge=0, le=3)  # of every-4th: index of the first ring that is kept
-    # a name in enrichment.methods.registry, checked when the method is created. lift: our network; ray-segment: no
-    # learning, some milliseconds per frame; joint: ray-segment guided by the image, a tenth of a second; l2l, li2l,
-    # f2l: the paper's networks, a second or more
-    enricher: str = "lift"
+    # a name in enrichment.methods.registry, checked when the method is created. ray-segment: no learning, some
+    # milliseconds per frame; lift: our network, a tenth of a second; joint: ray-segment guided by the image, a tenth of
+    # a second; l2l, li2l, f2l: the paper's networks, a second or more
+    enricher: str = "ray-segment"
     coverage: float = Field(1.0, gt=0, le=1)  # share of the predicted points that is kept, smallest sigma first
     deskew: bool | None = None  # None: if the scans have times and are not motion-compensated
     vertical_correction_deg: float | None = None  # None: that of the sensor (KITTI: 0.205)
@@ -33,6 +35,13 @@ class FrontEndSettings(Settings):
     def _as_text(cls, value: Any) -> Any:
         return str(value) if isinstance(value, int) else value  # YAML parses an unquoted 16 as a number
 
+    @field_validator("input")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        if value in ("full", "enriched") or (value.isascii() and value.isdigit() and int(value) > 1):
+            return value
+        raise ValueError("input must be full, enriched or a number of rings, as in 16")
+
 
 class OdometrySettings(Settings):
     """Scan registration, frame by frame."""
@@ -41,7 +50,7 @@ class OdometrySettings(Settings):
     target: Literal["map", "scan"] = "map"  # scan: the previous scan, as in the paper; drifts 3 to 7 times more
     # surface: a Gaussian constrains a point along the thin directions of the cell's surface only; covariance: by the
     # full inverse covariance of the cell, as in the paper, which mistakes the ring pattern for structure
-    information: Literal["surface", "covariance"] = "surface"
+    information_matrix: Literal["surface", "covariance"] = "surface"
     # sizes that are None follow from the first scan, see slam/cell_sizes.py; cells are coarse to fine
     cell_sizes: tuple[float, ...] | None = None  # m; None: 1.5 times the finest, and the finest
     voxel_size: float | None = Field(None, ge=0.01)  # m, downsampling for registration; aliases near a cell's size
@@ -51,9 +60,9 @@ class OdometrySettings(Settings):
     neighbours: Literal[1, 7] = 1  # Gaussians that a point is matched with; 7 if the target is a single scan
     min_points: int = Field(5, ge=3)  # a cell with fewer points has no Gaussian
     max_points: int = Field(1000, ge=3)  # a cell with this many is final: bounds the time, also of a standing vehicle
-    floor: float = Field(0.003, gt=0)  # smallest eigenvalue of a cell's covariance by its trace: bounds the confidence
+    regularisation: float = Field(0.003, gt=0)  # share of a cell covariance's trace on its diagonal: bounds confidence
     full_weight_sigma: float = Field(0.5, gt=0)  # m; points with a larger sigma weigh less, by the ratio squared
-    kernel: float = Field(1.0, gt=0)  # scale of the Cauchy kernel, Mahalanobis distance; insensitive from 0.5 to 3
+    kernel_scale: float = Field(1.0, gt=0)  # of the Cauchy kernel, Mahalanobis distance; insensitive from 0.5 to 3
     max_iterations: int = Field(12, ge=1)  # at the finest level; 3 are typical
     map_radius: float = Field(100.0, gt=0)  # m around the sensor; the local map drops cells beyond
     min_inlier_ratio: float = Field(0.25, ge=0, le=1)  # below it a registration has failed

@@ -56,13 +56,13 @@ class ChosenDrive:
 
 
 def add_drives(parser: argparse.ArgumentParser, *default: str) -> None:
-    """DRIVE [DRIVE ...], --frames A:B and --trajectories FOLDER; `default`: what is driven where none is named."""
+    """Add SEQUENCE [SEQUENCE ...], --frames A:B and --trajectories FOLDER; `default` replaces missing sequences."""
     help_text = f"a folder, or one of {', '.join(SIMULATED)}"
     if default:
-        parser.add_argument("drives", nargs="*", default=list(default), metavar="DRIVE",
+        parser.add_argument("drives", nargs="*", default=list(default), metavar="SEQUENCE",
                             help=f"{help_text}; by default {' '.join(default)}")  # fmt: skip
     else:
-        parser.add_argument("drives", nargs="+", metavar="DRIVE", help=help_text)
+        parser.add_argument("drives", nargs="+", metavar="SEQUENCE", help=help_text)
     add_frames(parser, None)
     parser.add_argument("--trajectories", type=Path, metavar="FOLDER",
                         help=f"with kitti_05_ground_truth.txt and the others, for {', '.join(ALONG)}")  # fmt: skip
@@ -88,7 +88,7 @@ def _opened(name: str, frames: str | None, images: bool, trajectories: Path | No
     numbers = frame_numbers(name, chosen)
     if not numbers:
         raise InputError(
-            f"{name}: no frames in {frames}; the drive has {len(frame_numbers(name, slice(None)))}, from 0"
+            f"{name}: no frames in {frames}; the sequence has {len(frame_numbers(name, slice(None)))}, from 0"
         )
     images &= SCENES[name].settings.sensor == "hdl64"  # sparser sensors are filled in without
     data = scene(name, images or None, numbers)

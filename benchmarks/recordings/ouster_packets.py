@@ -21,7 +21,7 @@ from benchmarks.common.page import surroundings, write_results
 from benchmarks.common.script import add_results, parser, run_script
 from slam.data.cloud import Array
 from slam.data.errors import InputError
-from slam.data.packets.dataset import PacketDrive
+from slam.data.packets.dataset import PacketSequence
 from slam.data.packets.ouster import decode
 from slam.data.packets.ouster_metadata import PROFILES, Metadata, parse_metadata
 
@@ -65,7 +65,7 @@ def _by_sdk(python: Path, source: object, metadata: Path) -> dict[str, Array]:
 
 def _recording(python: Path, capture: Path) -> dict[str, Any]:
     theirs = _by_sdk(python, capture, _beside(capture))
-    drive = PacketDrive(capture)
+    drive = PacketSequence(capture)
     ours = [drive.recorded(position) for position in range(len(drive))]
     starts = theirs["time"][np.cumsum([0, *theirs["count"][:-1]])]
     times = [points["t"] - points["t"][0] + start for points, start in zip(ours, starts, strict=True)]
@@ -118,11 +118,11 @@ def page(found: Mapping[str, Any]) -> str:
     lines = [
         "# Ouster's packets",
         "",
-        f"Our decoder beside ouster-sdk {about['ouster-sdk']}, {about['date']}: the points of the same packets,",
-        "by their time. Recordings are real; packets of each profile were made by the SDK, of random pixels. Points",
-        "are to lie within 1 mm of the SDK's.",
+        f"Our decoder compared with ouster-sdk {about['ouster-sdk']}, {about['date']}: the points of the same packets,",
+        "matched by time. Recordings are real; packets of each profile were written by the SDK from random pixels. The",
+        "target is a distance of at most 1 mm from the SDK's points.",
         "",
-        "| | points | by the SDK | farthest apart [mm] | times, reflectivities |",
+        "| | points | by the SDK | maximum distance [mm] | times, reflectivities |",
         "| --- | --- | --- | --- | --- |",
     ]
     for name, row in (*found["recordings"].items(), *found["profiles"].items()):

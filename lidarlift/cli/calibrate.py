@@ -7,13 +7,15 @@ from typing import Annotated
 
 import typer
 
-from lidarlift.cli.arguments import DatasetArgument, FramesOption, SensorOption, SequenceOption, frame_slice
+from lidarlift.cli.arguments import DatasetArgument, FramesOption, frame_slice
 from lidarlift.cli.console import Console
+from lidarlift.cli.data_options import DataOptions, with_data_options
 
 
+@with_data_options
 def calibrate(
     dataset: DatasetArgument,
-    sequence: SequenceOption = None,
+    reading: DataOptions,
     camera: Annotated[
         str | None, typer.Option(help="Name of the camera in calib.yaml. Default: the one that looks ahead.")
     ] = None,
@@ -26,7 +28,6 @@ def calibrate(
         typer.Option(metavar="MS", help="Milliseconds of the images after the scans' stamps. Default: estimated."),
     ] = None,
     frames: FramesOption = ":",
-    sensor: SensorOption = None,
     out: Annotated[Path, typer.Option(help="The file to write; it must not exist yet.")] = Path("calib.yaml"),
 ) -> None:
     """Estimate a camera's extrinsics from a sequence, without targets: edges of the LiDAR against edges of the images.
@@ -40,9 +41,7 @@ def calibrate(
     from lidarlift.calibrating import calibrate as estimate
 
     result = estimate(
-        dataset,
-        sequence=sequence,
-        sensor=sensor,
+        reading.opened(dataset),
         camera=camera,
         guess=guess,
         delay=None if delay is None else delay / 1000,

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarlift.cli.arguments import ColumnsOption, DatasetArgument, SensorOption, SequenceOption
+from lidarlift.cli.arguments import DatasetArgument
+from lidarlift.cli.data_options import DataOptions, with_data_options
 
 if TYPE_CHECKING:
     from lidarlift.inspecting import Info
@@ -20,28 +21,29 @@ if TYPE_CHECKING:
 LABEL_WIDTH, MAX_WIDTH = 14, 120  # characters
 
 
+@with_data_options
 def info(
     dataset: DatasetArgument,
-    sequence: SequenceOption = None,
-    sensor: SensorOption = None,
-    columns: ColumnsOption = None,
+    reading: DataOptions,
     every_scan: Annotated[bool, typer.Option("--all", help="Read all scans, not only a dozen.")] = False,
     json_: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Show the content of a data set: scans, rate, rings, fields, times, camera, ground truth, gaps, and how to run it.
 
-    Example: `lidarlift info my_drive`
+    Example: `lidarlift info my_sequence`
 
     For a folder with several sequences, they are listed; `--sequence` selects one.
     """
     from lidarlift.inspecting import info as inspect_data_set
-    from slam.data.dataset import drives_in
+    from slam.data.dataset import sequences_in
 
-    names = drives_in(dataset)
-    if sequence is None and len(names) > 1 and not json_:
+    names = sequences_in(dataset)
+    if reading.sequence is None and len(names) > 1 and not json_:
         print(_several(dataset, names))
         return
-    found = inspect_data_set(dataset, sequence=sequence, sensor=sensor, columns=columns, every_scan=every_scan)
+    found = inspect_data_set(
+        dataset, sequence=reading.sequence, sensor=reading.sensor, every_scan=every_scan, **reading.said()
+    )
     print(json.dumps(asdict(found), indent=2, default=str) if json_ else page(found))
 
 
@@ -60,6 +62,7 @@ def page(info: Info) -> str:
     }
     lines = [f"{info.name}  ({info.path})", ""]
     lines += [line for label, value in rows.items() if value for line in _row(label, value)]
+    lines += _topics(info)
     if info.problems:
         lines += ["", "Problems and assumptions:"]
         for kind, count, message in info.problems:
@@ -67,6 +70,22 @@ def page(info: Info) -> str:
             lines += _wrapped(f"{kind}{f' ({count} times)' if count > 1 else ''}: {text}", "  - ", "    ")
     lines += ["", "To run SLAM:", *(f"  {command}" for command in info.commands)]
     return "\n".join(lines)
+
+
+def _topics(info: Info) -> list[str]:
+    """A table of a recording's topics."""
+    if not info.topics:
+        return []
+    kinds = [topic.type.rpartition("/msg/")[2] for topic in info.topics]
+    widths = max(len(topic.name) for topic in info.topics), max(map(len, kinds))
+    lines = ["", "Topics:"]
+    for topic, kind in zip(info.topics, kinds, strict=True):
+        gap = f"longest gap {topic.longest_gap_s:.3g} s" if topic.longest_gap_s else ""
+        notes = ", ".join(note for note in (topic.use, gap) if note)
+        rate = f"{topic.rate_hz:.3g} Hz" if topic.rate_hz else ""
+        line = f"  {topic.name:{widths[0]}}  {kind:{widths[1]}}  {topic.messages:8,}  {rate:8}  {notes}"
+        lines.append(line.rstrip())
+    return lines
 
 
 def _points(info: Info) -> str:
@@ -104,7 +123,9 @@ def _camera(info: Info) -> str:
     if not info.images:
         return "calibrated, but no images" if info.calibrated else "none"
     size = f" of {info.image_size[0]} x {info.image_size[1]} pixels" if info.image_size else ""
-    return f"images{size} for {info.images} of {info.scans} scans, {'' if info.calibrated else 'not '}calibrated"
+    more = f"; {info.cameras - 1} more" if info.cameras > 1 else ""
+    calibrated = "" if info.calibrated else "not "
+    return f"images{size} for {info.images} of {info.scans} scans, {calibrated}calibrated{more}"
 
 
 def _several(path: Path, names: list[str]) -> str:

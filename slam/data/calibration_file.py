@@ -27,13 +27,15 @@ class Camera:
 
     Attributes:
         calibration: Its calibration.
-        images: The folder of its images, None for the usual one.
-        name: Its name, None for the only camera of a file without names.
+        images: Folder of its images, None for the usual one.
+        name: Its name in the file, '' for a single camera.
+        said: Where its images are, as the file says it; '' if it does not.
     """
 
     calibration: Calibration
     images: Path | None = None
-    name: str | None = None
+    name: str = ""
+    said: str = ""
 
 
 def read_cameras(path: Path) -> list[Camera]:
@@ -62,7 +64,7 @@ def read_cameras(path: Path) -> list[Camera]:
         where = f"cameras.{name}."
         keys = checked_mapping(path, keys, (*KEYS, "images"), where)
         folder = path.parent / str(keys.get("images", f"images/{name}"))
-        found.append(Camera(_calibration(path, keys, where), folder, str(name)))
+        found.append(Camera(_calibration(path, keys, where), folder, str(name), str(keys.get("images", ""))))
     return sorted(found, key=lambda camera: -camera.calibration.T_camera_lidar[2, 0])  # x component of its axis
 
 
@@ -77,7 +79,7 @@ def camera_named(path: Path, name: str | None) -> Camera:
         return cameras[0]
     found = [camera for camera in cameras if camera.name == name]
     if not found:
-        names = [camera.name for camera in cameras if camera.name is not None]
+        names = [camera.name for camera in cameras if camera.name]
         raise InputError(
             f"{path}: no camera '{name}'{suggest(name, names) if names else '; its one camera has no name'}"
         )
@@ -85,14 +87,14 @@ def camera_named(path: Path, name: str | None) -> Camera:
 
 
 def calibration_text(
-    calibration: Calibration, beside: Path | None = None, name: str | None = None, comments: Sequence[str] = ()
+    calibration: Calibration, beside: Path | None = None, name: str = "", comments: Sequence[str] = ()
 ) -> str:
     """Return the text of a calib.yaml.
 
     Args:
         calibration: The camera.
         beside: A calib.yaml whose other cameras are kept.
-        name: Name of the camera in that file; None: the file has one camera, without a name.
+        name: Name of the camera in that file; '': the file has one camera, without a name.
         comments: Lines written above.
     """
     keys: dict[str, Any] = {"K": calibration.K.tolist(), "T_camera_lidar": calibration.T_camera_lidar.tolist()}
@@ -101,7 +103,7 @@ def calibration_text(
     if calibration.distortion:
         keys["distortion"] = list(calibration.distortion)
     content = keys
-    if beside is not None and name is not None:
+    if beside is not None and name:
         content = read_yaml(beside)
         content["cameras"] = {str(each): dict(values) for each, values in content["cameras"].items()}
         content["cameras"][name] = {**content["cameras"][name], **keys}
@@ -123,22 +125,34 @@ def _calibration(path: Path, content: dict[str, Any], where: str = "") -> Calibr
         raise InputError(f"{path}: '{where}T_camera_lidar' must be a rotation and a translation over the row 0 0 0 1")
     distortion = numbers(path, f"{where}distortion", content.get("distortion") or [], (-1,))
     fisheye = _is_fisheye(path, content.get("model"), distortion)
-    allowed = (0, 4) if fisheye else (0, 4, 5, 8, 12, 14)
-    if len(distortion) not in allowed:
-        models = "OpenCV's fisheye model has 4" if fisheye else "OpenCV's models have 4, 5, 8, 12 or 14"
-        raise InputError(f"{path}: {len(distortion)} distortion coefficients; {models}")
+    if fault := coefficients_fault(len(distortion), fisheye):
+        raise InputError(f"{path}: {fault}")
     return Calibration(K, T, tuple(distortion.tolist()), fisheye=fisheye)
+
+
+def coefficients_fault(count: int, fisheye: bool) -> str:
+    """Say what is wrong with the number of distortion coefficients of a model, '' if nothing is."""
+    if count in ((0, 4) if fisheye else (0, 4, 5, 8, 12, 14)):
+        return ""
+    models = "OpenCV's fisheye model has 4" if fisheye else "OpenCV's models have 4, 5, 8, 12 or 14"
+    return f"{count} distortion coefficients; {models}"
 
 
 def _is_fisheye(path: Path, model: object, distortion: Array) -> bool:
     """Whether the model is a fisheye. Raises InputError if it is unknown, or missing where it is ambiguous."""
-    name = None if model is None else str(model).lower().replace("-", "_").replace(" ", "_")
-    if name is not None and name not in PINHOLE + FISHEYE:
+    fisheye = None if model is None else is_fisheye_model(str(model))
+    if model is not None and fisheye is None:
         known = ", ".join(PINHOLE + FISHEYE)
         raise InputError(
             f"{path}: unknown model '{model}'; known: {known}; else rectify the images, and give the new K"
         )
-    if name is None and len(distortion) == 4 and np.abs(distortion[2:]).max() > LEAST_TANGENTIAL:
+    if model is None and len(distortion) == 4 and np.abs(distortion[2:]).max() > LEAST_TANGENTIAL:
         fault = f"'distortion' may be k1 k2 k3 k4 of a fisheye lens, for {distortion[2]:g} {distortion[3]:g} is much"
         raise InputError(f"{path}: {fault} for p1 p2; say model: pinhole, or model: fisheye")
-    return name in FISHEYE
+    return bool(fisheye)
+
+
+def is_fisheye_model(name: str) -> bool | None:
+    """Return whether a model of lenses is the fisheye model, not the pinhole model; None for an unknown name."""
+    plain = name.lower().replace("-", "_").replace(" ", "_")
+    return plain in FISHEYE if plain in PINHOLE + FISHEYE else None

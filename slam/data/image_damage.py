@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 PNG, JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
+UNKNOWN = "neither PNG nor JPEG"
 PNG_END, JPEG_END = b"IEND", b"\xff\xd9"
 TAIL = 4096  # bytes at the end of a complete file, among which its end mark is
 ZEROS = bytes(512)  # a lost sector of a disk or card
@@ -19,12 +20,12 @@ START_OF_SCAN, END_OF_IMAGE, FILL, LOWEST_MARK = 0xDA, 0xD9, 0xFF, 0xC0
 INSIDE = np.array([0x00, *range(0xD0, 0xD8), FILL])
 
 
-def fault_at_ends(head: bytes, tail: bytes) -> str | None:
+def fault_of(head: bytes, tail: bytes) -> str | None:
     """Return what is wrong with a file by its first bytes and its last TAIL bytes, or None."""
     for begin, end in ((PNG, PNG_END), (JPEG, JPEG_END)):
         if head.startswith(begin):
             return None if end in tail else "cut short"
-    return "neither PNG nor JPEG" if head else "nothing in it"
+    return UNKNOWN if head else "nothing in it"
 
 
 def fault_inside(content: bytes) -> str | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from slam.data.cloud import Array, Frame
 from slam.data.files import SCAN_PERIOD
-from slam.data.image_damage import PNG, TAIL, fault_at_ends, fault_inside
+from slam.data.image_damage import PNG, TAIL, fault_inside, fault_of
 from slam.data.problem import Problem
 from slam.data.scan_names import in_order
 from slam.data.stamps import usual_step
@@ -24,7 +25,21 @@ DEPTH_AT = 24  # offset of the byte of a PNG with its bits per value
 SAMPLES = 5  # images of a sequence in which the bits in use are determined
 
 
-class ImageFile:
+class ReportingReader(ABC):
+    """Reader of an image that may be damaged.
+
+    Attributes:
+        problem: What is wrong with the image, once that is known.
+    """
+
+    problem: Problem | None = None
+
+    @abstractmethod
+    def __call__(self) -> Array | None:
+        """Read the image, (H, W, 3) uint8 RGB; None for a damaged one."""
+
+
+class ImageFile(ReportingReader):
     """Reads an image: (H, W, 3) uint8 RGB as its pixels are stored, ignoring an orientation tag.
 
     Attributes:
@@ -35,7 +50,6 @@ class ImageFile:
 
     def __init__(self, path: Path, bits: int = 0) -> None:
         self.path, self.bits = path, bits
-        self.problem: Problem | None = None
 
     def __call__(self) -> Array | None:
         """Read the image; None if the file is damaged."""
@@ -66,7 +80,7 @@ class ImageFile:
                 head = file.read(16)
                 file.seek(0, 2)
                 file.seek(max(file.tell() - TAIL, 0))
-                return fault_at_ends(head, file.read())
+                return fault_of(head, file.read())
         except OSError as error:
             return f"cannot be read ({error.strerror or error})"
 
@@ -86,7 +100,7 @@ def image_problems(image: ImageFile | None, number: int, folder: Path) -> tuple[
 
 def found_in_reading(frame: Frame) -> tuple[Problem, ...]:
     """Return the damage found while reading a frame's images, without the frame's own problems."""
-    readers = (reader for reader in frame.image_readers if isinstance(reader, ImageFile))
+    readers = (reader for reader in frame.image_readers if isinstance(reader, ReportingReader))
     found = (reader.problem for reader in readers)
     return tuple(problem for problem in found if problem is not None and problem not in frame.problems)
 

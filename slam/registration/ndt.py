@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from slam.data.cloud import Array
-from slam.registration.gauss_newton import NOT_LOCKED, Linearisation, minimise, result
+from slam.registration.gauss_newton import NOT_LOCKED, Linearisation, distortion_response, minimise, result
 from slam.registration.observability import unobserved
 from slam.registration.result import RegistrationResult
 from slam.registration.voxels import NO_SCORES, VoxelGaussians, hash_table
@@ -26,10 +27,10 @@ class NdtTarget:
         cell_sizes: Cell sizes [m], coarse first.
         min_points: As in `VoxelGaussians`.
         max_points: As in `VoxelGaussians`.
-        floor: As in `VoxelGaussians`.
+        regularisation: As in `VoxelGaussians`.
         surfaces: As in `VoxelGaussians`.
         neighbours: Number of cells to which a point is matched: 1, its own, or 7, with the six face neighbours.
-        kernel: Scale of the Cauchy weight 1 / (1 + m / kernel^2), m the squared Mahalanobis distance.
+        kernel_scale: Scale of the Cauchy weight 1 / (1 + m / kernel_scale^2), m the squared Mahalanobis distance.
         max_iterations: Maximum number of iterations at the finest level; the other levels have half of it.
 
     Attributes:
@@ -43,14 +44,14 @@ class NdtTarget:
         *,
         min_points: int = 5,
         max_points: int = 1000,
-        floor: float = 0.003,
+        regularisation: float = 0.003,
         surfaces: bool = False,
         neighbours: int = 1,
-        kernel: float = 1.0,
+        kernel_scale: float = 1.0,
         max_iterations: int = 12,
     ) -> None:
-        self.levels = [VoxelGaussians(size, min_points, max_points, floor, surfaces) for size in cell_sizes]
-        self.surfaces, self.neighbours, self.kernel = surfaces, neighbours, kernel
+        self.levels = [VoxelGaussians(size, min_points, max_points, regularisation, surfaces) for size in cell_sizes]
+        self.surfaces, self.neighbours, self.kernel_scale = surfaces, neighbours, kernel_scale
         self.max_iterations = max_iterations
         self.convergence_radius = float(cell_sizes[-1])
 
@@ -92,7 +93,7 @@ class NdtTarget:
             return partial(self.score, xyz, weight)
         finest = self.levels[-1]
         levels = [finest, *(finest.coarser(factor) for factor in COARSER_FACTORS)]
-        relevance = _relevance(levels[1].support(xyz, weight, centre, self.kernel)[0])
+        relevance = _relevance(levels[1].support(xyz, weight, centre, self.kernel_scale)[0])
         scratch = hash_table(len(xyz))
 
         def evidence(pose: Array) -> float:
@@ -107,7 +108,9 @@ class NdtTarget:
         """Register points in the map, level by level, by Gauss-Newton on SE(3).
 
         Robust weights are recomputed in every step (IRLS). The coarse levels have half of the iterations: they only
-        have to converge to within a cell of the finest level.
+        have to converge to within a cell of the finest level. The cells made for a new map may lead away from a good
+        guess, often to where the rings coincide with those of the last scan; so the points are registered without them
+        as well, and the pose with more evidence is returned.
 
         Args:
             xyz: Points (N, 3).
@@ -115,14 +118,31 @@ class NdtTarget:
             guess: Initial pose (4, 4).
             locked: Directions (K, 6), in the map's axes, along which no step is taken.
         """
-        pose, converged, last_level = guess, False, self.levels[-1]
-        for level in self._levels_for(xyz, weight, guess):
-            last_level = level
+        levels = self._levels_for(xyz, weight, guess)
+        found = self._descend(levels, xyz, weight, guess, locked)
+        if levels[0] in self.levels:
+            return found
+        score = self.scorer(xyz, weight, guess)
+        direct = self._descend(self.levels, xyz, weight, guess, locked)
+        return max(found, direct, key=lambda registration: score(registration.pose))
+
+    def _descend(
+        self, levels: list[VoxelGaussians], xyz: Array, weight: Array, guess: Array, locked: Array
+    ) -> RegistrationResult:
+        """Register points in each of the levels, from coarse to fine, starting where the last one ended.
+
+        The overlap is that of the finest level of the map, so that it can be compared from scan to scan.
+        """
+        pose, converged = guess, False
+        for level in levels:
             limit = self.max_iterations if level is self.levels[-1] else self.max_iterations // 2
             pose, converged = minimise(partial(self._linearise, level, xyz, weight), pose, limit, locked)
         scores = np.zeros((len(xyz), 6))
-        model = self._linearise(last_level, xyz, weight, pose, scores)
-        return result(model, pose, converged, xyz, scores)
+        model = self._linearise(levels[-1], xyz, weight, pose, scores)
+        found = result(model, pose, converged, xyz, scores, locked)
+        if levels[-1] is self.levels[-1]:
+            return found
+        return replace(found, overlap=self.levels[-1].overlap(xyz, weight, pose))
 
     def _levels_for(self, xyz: Array, weight: Array, guess: Array) -> list[VoxelGaussians]:
         """Return the levels, coarse to fine, that enough points meet at the guess.
@@ -138,6 +158,11 @@ class NdtTarget:
             levels = [self.levels[-1].coarser(factor) for factor in reversed(COARSER_FACTORS)] + levels
         return levels
 
+    def distortion_response(self, xyz: Array, weight: Array, time: Array, found: RegistrationResult) -> Array:
+        """Return how the pose follows a velocity error (6, 6), see `gauss_newton.distortion_response`."""
+        model = self._linearise(self.levels[-1], xyz, weight * time, found.pose)
+        return distortion_response(found.H, model.H, found.pose)
+
     def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
         """Return the directions (K, 3) that points at `pose` do not constrain, see `observability.unobserved`.
 
@@ -145,12 +170,12 @@ class NdtTarget:
         """
         if not self.surfaces:
             return np.zeros((0, 3))
-        return unobserved(self.levels[-1], xyz, weight, pose, self.kernel, before)
+        return unobserved(self.levels[-1], xyz, weight, pose, self.kernel_scale, before)
 
     def _linearise(
         self, level: VoxelGaussians, xyz: Array, weight: Array, pose: Array, scores: Array = NO_SCORES
     ) -> Linearisation:
-        H, gradient, totals = level.normal_equations(xyz, weight, pose, self.neighbours, self.kernel, scores)
+        H, gradient, totals = level.normal_equations(xyz, weight, pose, self.neighbours, self.kernel_scale, scores)
         robust, cost, inliers, score, met, total = totals
         # residuals per point; their whitened variance is 1 where the Gaussians describe the points correctly
         dimensions = 1.0 if self.surfaces else 3.0

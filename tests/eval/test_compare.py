@@ -1,4 +1,4 @@
-"""Run folders beside each other."""
+"""Comparison of run folders."""
 
 import json
 
@@ -6,44 +6,9 @@ import numpy as np
 import pytest
 
 from eval.compare import compare_runs
-from eval.evaluation import evaluate_poses, write_json
-from eval.metrics import RunMetrics
+from eval.evaluation import write_json
 from eval.tables import COMPARISON_COLUMNS, comparison_markdown, format_comparison
 from slam.data.errors import InputError
-from slam.data.pose_files import tum_text
-
-
-def line(length, count=101):
-    """Poses straight on."""
-    poses = np.tile(np.eye(4), (count, 1, 1))
-    poses[:, 0, 3] = np.linspace(0, length, count)
-    return poses
-
-
-@pytest.fixture
-def run_folder(tmp_path):
-    """`run_folder("16", 101.0)`: a run, as far as a comparison reads it, whose path of 100 m was found 101 m long."""
-
-    def write(name, length, reference=100.0, failed=0, notes=()):
-        folder = tmp_path / name
-        folder.mkdir()
-        report = {
-            "counts": {"frames": 101, "failed": failed},
-            "notes": list(notes),
-            "loops": {"keyframes": 50, "candidates": 9, "accepted": 7},
-            "path_length_m": length,
-            "map_points": 1_234_567,
-            "timings_ms": {"front_end": {"median": 1.25, "p95": 3.0}, "odometry": {"median": 12.5, "p95": 20.0}},
-        }
-        (folder / "run.json").write_text(json.dumps(report))
-        (folder / "timings.csv").write_text("frame,points\n0,9000\n1,30000\n2,10000\n")
-        (folder / "odometry_tum.txt").write_text(tum_text(np.arange(101.0), line(length)))
-        if reference:
-            metrics = evaluate_poses(line(length), line(reference))
-            write_json(folder / "metrics.json", RunMetrics(metrics, metrics).as_dict())
-        return folder
-
-    return write
 
 
 def test_comparison_has_the_figures_of_each_input(run_folder):
@@ -56,9 +21,9 @@ def test_comparison_has_the_figures_of_each_input(run_folder):
     assert (sixteen.frames, sixteen.failed, sixteen.loops, sixteen.path_m) == (101, 2, 7, 101.0)
     assert (sixteen.map_points, sixteen.points_per_scan) == (1_234_567, 10_000)
     assert (sixteen.front_end_ms, sixteen.odometry_ms) == (1.25, 12.5)
-    assert sixteen.to_64_m == pytest.approx(sixteen.ate_m, abs=1e-6)
+    assert sixteen.to_full_m == pytest.approx(sixteen.ate_m, abs=1e-6)
     assert sixteen.table_iii_m.mean == pytest.approx(0.01)
-    assert sixty_four.to_64_m is None
+    assert sixty_four.to_full_m is None
     assert (sixty_four.ate_m, sixty_four.failed) == (pytest.approx(0, abs=1e-9), 0)
 
 
@@ -78,10 +43,10 @@ def test_compare_json_keeps_its_keys(run_folder, tmp_path):
         assert list(figures) == [
             "ate_m", "table_iii_m", "rpe_m", "rpe_deg", "drift_percent", "drift_deg_per_100m", "drift_name", "notes",
             "path_m", "frames", "failed", "loops", "map_points", "points_per_scan", "front_end_ms", "odometry_ms",
-            "to_64_m",
+            "to_full_m",
         ]  # fmt: skip
         assert list(figures["table_iii_m"]) == ["rmse", "mean", "median", "std", "min", "max", "sse"]
-    assert content["inputs"]["64"]["to_64_m"] is None
+    assert content["inputs"]["64"]["to_full_m"] is None
 
 
 def test_the_table_has_a_row_per_input(run_folder):

@@ -19,7 +19,7 @@ FAST = ("--method", "ray-segment")
 
 
 def with_images(sequence: Path, number: int = 8) -> Path:
-    """The drive with grey images beside its first scans."""
+    """The sequence with grey images for its first scans."""
     (sequence / "image_2").mkdir()
     for frame in range(number):
         cv2.imwrite(str(sequence / "image_2" / f"{frame:06d}.png"), np.full((360, 1200, 3), 90, np.uint8))
@@ -69,7 +69,7 @@ def test_errors_are_one_line(lidarlift: Command, street_drive: Drive) -> None:
     drive = street_drive({0: b""})
     lidarlift("depth-benchmark", "nowhere").refused("nowhere")
     lidarlift("depth-benchmark", drive, "--method", "delauny").refused("delauny", "did you mean 'delaunay'")
-    lidarlift("depth-benchmark", drive, "--frames", "20:").refused("the drive has 8")
+    lidarlift("depth-benchmark", drive, "--frames", "20:").refused("the sequence has 8")
     lidarlift("depth-benchmark", drive, "--frames", "8").refused("FROM:TO")
     lidarlift("depth-benchmark", drive, "--sensor", "vlp16", "--phase", "2").refused("--phase 2", "use 0 or 1")
     result = lidarlift("depth-benchmark", drive, "--frames", ":1")
