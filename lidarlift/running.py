@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarlift.folders import require_apart
 from lidarlift.front_ends import front_end_maker, input_name, opened, settings_for
 from lidarlift.reporting import Quiet, Reporter, note_problems
+from lidarlift.watching.choice import Views, watched
 from slam.data.atomic import require_writable
 
 if TYPE_CHECKING:
     from eval.metrics import RunMetrics
     from slam.data.dataset import Dataset
-    from slam.run import Run
+    from slam.run import Observer, Run
     from slam.settings import Config
+
+NO_VIEWS = Views()
 
 
 def run(
@@ -33,6 +36,7 @@ def run(
     out: str | Path | None = None,
     strict: bool = False,
     reporter: Reporter | None = None,
+    observer: Observer | None = None,
 ) -> Run:
     """Run SLAM over a data set.
 
@@ -50,6 +54,7 @@ def run(
         out: The run folder, for trajectory, map and metrics. Default: nothing is written.
         strict: Raise an error at the first problem of the data.
         reporter: Receives progress and notes.
+        observer: Watches the run frame by frame, see `slam.run.Observer`.
 
     Returns:
         The poses T_world_lidar (N, 4, 4) before and after loop closure, the map, and the problems of the data.
@@ -69,7 +74,7 @@ def run(
     data = opened(dataset, sequence, sensor)
     settings = settings_for(ring_count(data), input, enricher, config, overrides)
     poses = None if odometry is None else Path(odometry)
-    task = _Task(data, settings, frames, poses, strict, reporter or Quiet())
+    task = _Task(data, settings, frames, poses, strict, reporter or Quiet(), observer=observer)
     return task.run() if out is None else task.run_into(Path(out))[0]
 
 
@@ -83,6 +88,7 @@ def run_into(
     odometry: Path | None = None,
     name: str | None = None,
     strict: bool = False,
+    views: Views = NO_VIEWS,
 ) -> tuple[Run, RunMetrics | None]:
     """Run SLAM with complete settings, and write the run folder. See `run`.
 
@@ -95,6 +101,7 @@ def run_into(
         odometry: A file with LiDAR poses of another odometry, in place of ours.
         name: Name in progress and plot. Default: that of the data set.
         strict: Raise an error at the first problem of the data.
+        views: Views in which the run can be watched.
 
     Returns:
         The run, and its metrics; None without ground truth.
@@ -102,7 +109,9 @@ def run_into(
     Raises:
         InputError: As `run`.
     """
-    return _Task(data, settings, frames, odometry, strict, reporter, name).run_into(folder)
+    task = _Task(data, settings, frames, odometry, strict, reporter, name)
+    with watched(views, task.title, task.total, reporter) as observer:
+        return replace(task, observer=observer).run_into(folder)
 
 
 @dataclass(frozen=True)
@@ -116,6 +125,11 @@ class _Task:
     strict: bool
     reporter: Reporter
     name: str | None = None
+    observer: Observer | None = None
+
+    @property
+    def total(self) -> int:
+        return len(range(len(self.data))[self.frames])
 
     @property
     def title(self) -> str:
@@ -136,12 +150,13 @@ class _Task:
         compile_kernels(
             self.settings, lambda: self.reporter.note("compiling kernels, only at the first run: about 20 s ...")
         )
-        with self.reporter.progress(self.title, len(range(len(self.data))[self.frames])) as advance:
+        with self.reporter.progress(self.title, self.total) as advance:
             result = Pipeline(self.settings, make_front_end).run(
                 self.data,
                 self.frames,
                 recorded=recorded,
                 strict=self.strict,
+                observer=self.observer,
                 on_frame=lambda _: advance(),
                 on_odometry=on_odometry,
                 on_stop=on_stop,

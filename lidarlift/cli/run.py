@@ -31,6 +31,7 @@ from lidarlift.cli.arguments import (
 from lidarlift.cli.console import Console
 from lidarlift.front_ends import settings_for
 from lidarlift.running import run_into
+from lidarlift.watching.choice import Views
 
 
 def run(
@@ -56,6 +57,17 @@ def run(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The run folder. Default: runs/NAME-INPUT.")] = None,
     strict: StrictOption = False,
+    live: Annotated[bool, typer.Option("--live", help="Show the run in rerun (extra `view`).")] = False,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Write the run for rerun, to be opened anywhere.")
+    ] = None,
+    serve: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[HOST:]PORT",
+            help="Show the progress in a browser, http://127.0.0.1:PORT: read-only, and only here without HOST.",
+        ),
+    ] = None,
 ) -> None:
     """Run SLAM over a data set: trajectory, map, and, with ground truth, ATE, RPE and drift.
 
@@ -78,7 +90,10 @@ def run(
     data = open_dataset(dataset, sequence, sensor, **said)
     chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
-    _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict)
+    views = Views(live, record, serve)
+    _, metrics = run_into(
+        folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict, views=views
+    )
     report = read_report(folder)
     print(_summary(report))
     if metrics:
