@@ -25,8 +25,8 @@ def enrich(
 ) -> Iterator[tuple[Frame, PointCloud]]:
     """Enrich the scans of a sequence one by one.
 
-    64-ring scans are first reduced to every fourth ring (front_end.phase, front_end.drop); scans of other sensors keep
-    all rings.
+    64-ring scans are first reduced to every fourth ring (front_end.phase, front_end.ring_selection); scans of other
+    sensors keep all rings.
 
     Args:
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.

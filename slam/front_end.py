@@ -58,7 +58,7 @@ class RingFrontEnd:
         assert self.sensor is not None
         if self.as_recorded:
             return self.sensor, np.arange(self.sensor.ring_count)
-        return kept_lines(self.sensor, self.settings.drop, self.settings.phase)
+        return kept_lines(self.sensor, self.settings.ring_selection, self.settings.phase)
 
     def __call__(self, frame: Frame, history: History) -> PointCloud:
         """Return the cloud of a frame, with the rings that are kept."""
@@ -72,4 +72,4 @@ class RingFrontEnd:
         return self._dropped(frame.cloud)
 
     def _dropped(self, cloud: PointCloud) -> PointCloud:
-        return drop_rings(cloud, self.settings.drop, self.settings.phase, self.sensor, self.rings or 64)
+        return drop_rings(cloud, self.settings.ring_selection, self.settings.phase, self.sensor, self.rings or 64)
