@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 from lidarlift.folders import require_apart
 from lidarlift.front_ends import front_end_maker, input_name, opened, settings_for
+from lidarlift.kept_scan import KeptScan
 from lidarlift.reporting import Quiet, Reporter, note_problems
+from lidarlift.reports import report_run
 from lidarlift.watching.choice import Views, watched
 from slam.data.atomic import require_writable
 
@@ -75,7 +77,11 @@ def run(
     settings = settings_for(ring_count(data), input, enricher, config, overrides)
     poses = None if odometry is None else Path(odometry)
     task = _Task(data, settings, frames, poses, strict, reporter or Quiet(), observer=observer)
-    return task.run() if out is None else task.run_into(Path(out))[0]
+    if out is None:
+        return task.run()
+    result, _ = task.run_into(Path(out))
+    report_run(Path(out), task.report_title)
+    return result
 
 
 def run_into(
@@ -89,6 +95,8 @@ def run_into(
     name: str | None = None,
     strict: bool = False,
     views: Views = NO_VIEWS,
+    report: bool = True,
+    command: str | None = None,
 ) -> tuple[Run, RunMetrics | None]:
     """Run SLAM with complete settings, and write the run folder. See `run`.
 
@@ -102,6 +110,8 @@ def run_into(
         name: Name in progress and plot. Default: that of the data set.
         strict: Raise an error at the first problem of the data.
         views: Views in which the run can be watched.
+        report: Write the report, too.
+        command: The command line that makes the run again, for the report.
 
     Returns:
         The run, and its metrics; None without ground truth.
@@ -111,7 +121,10 @@ def run_into(
     """
     task = _Task(data, settings, frames, odometry, strict, reporter, name)
     with watched(views, task.title, task.total, reporter) as observer:
-        return replace(task, observer=observer).run_into(folder)
+        result = replace(task, observer=observer).run_into(folder)
+        if report:
+            report_run(folder, task.report_title, command)
+    return result
 
 
 @dataclass(frozen=True)
@@ -135,8 +148,15 @@ class _Task:
     def title(self) -> str:
         return f"{self.name or self.data.name}, {input_name(self.settings)}"
 
+    @property
+    def report_title(self) -> str:
+        return f"{self.title}, {len(range(len(self.data))[self.frames])} frames"
+
     def run(
-        self, on_odometry: Callable[[Run], None] | None = None, on_stop: Callable[[Run], None] | None = None
+        self,
+        on_odometry: Callable[[Run], None] | None = None,
+        on_stop: Callable[[Run], None] | None = None,
+        kept: KeptScan | None = None,
     ) -> Run:
         from slam.compilation import compile_kernels
         from slam.data.dataset import ring_count
@@ -151,7 +171,8 @@ class _Task:
             self.settings, lambda: self.reporter.note("compiling kernels, only at the first run: about 20 s ...")
         )
         with self.reporter.progress(self.title, self.total) as advance:
-            result = Pipeline(self.settings, make_front_end).run(
+            around = kept.around if kept else lambda front_end: front_end
+            result = Pipeline(self.settings, lambda: around(make_front_end())).run(
                 self.data,
                 self.frames,
                 recorded=recorded,
@@ -167,6 +188,7 @@ class _Task:
     def run_into(self, folder: Path) -> tuple[Run, RunMetrics | None]:
         from eval.evaluation import evaluate_run
         from eval.plot import plot_run
+        from eval.report.scan import save_scan
         from slam.session import save_odometry, save_run, save_stopped
 
         require_apart(folder, self.data)
@@ -177,8 +199,11 @@ class _Task:
                 self.reporter.note(f"stopped after {len(run.records)} frames; the poses are written to {written}")
 
         # the odometry is saved first, so that it is kept if loops or map fail or are interrupted
-        result = self.run(on_odometry=lambda run: save_odometry(run, folder), on_stop=save_partial)
+        kept = KeptScan(len(range(len(self.data))[self.frames]))
+        result = self.run(lambda run: save_odometry(run, folder), save_partial, kept)
         save_run(result, folder)
+        if scan := kept.scan():
+            save_scan(folder, scan)
         metrics = evaluate_run(folder)
         plot_run(folder, self.title)
         return result, metrics

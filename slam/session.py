@@ -41,6 +41,8 @@ RESULTS = (  # written after loops and map
     "graph.g2o",
     "map.pcd",
     "map.png",
+    "scan.npz",
+    "report.html",
 )
 PACKAGES = ("lidarlift", "numpy", "numba", "scipy", "gtsam", "onnxruntime", "open3d", "open3d-cpu", "evo")
 

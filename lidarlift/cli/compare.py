@@ -28,7 +28,7 @@ from lidarlift.cli.arguments import (
     frame_slice,
     seconds,
 )
-from lidarlift.cli.console import Console
+from lidarlift.cli.console import Console, command_line
 from lidarlift.comparing import available_inputs, compare_into, comparison_title, rows_for
 from lidarlift.comparing_trajectories import compared, is_of_trajectories
 from slam.data.errors import InputError
@@ -118,7 +118,7 @@ def compare(
     data = open_dataset(paths[0], sequence, sensor, **said)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
     rows, chosen = rows_for(available_inputs(data), enricher, config, set_ or ()), frame_slice(frames)
-    comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)
+    comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict, command=command_line())
     print_comparison(comparison, comparison_title(data, rows, chosen), folder, rows)
 
 
@@ -150,3 +150,4 @@ def print_comparison(comparison: Comparison, title: str, folder: Path, rows: Ite
     for row in rows:
         print(f"{folder / row}: {files}")
     print(f"{folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")
+    print(f"{folder / 'report.html'}: everything in one page, for a browser")

@@ -28,7 +28,7 @@ from lidarlift.cli.arguments import (
     frame_slice,
     seconds,
 )
-from lidarlift.cli.console import Console
+from lidarlift.cli.console import Console, command_line
 from lidarlift.front_ends import settings_for
 from lidarlift.running import run_into
 from lidarlift.watching.choice import Views
@@ -91,9 +91,8 @@ def run(
     chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     views = Views(live, record, serve)
-    _, metrics = run_into(
-        folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict, views=views
-    )
+    about: Any = {"odometry": odometry, "strict": strict, "views": views, "command": command_line()}
+    _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), **about)
     report = read_report(folder)
     print(_summary(report))
     if metrics:
