@@ -135,9 +135,9 @@ def _compare_trajectories(
 
     labels = [source.label for source in labelled([source_of(path) for path in paths])]
     folder = out or Path("runs") / f"{'-'.join(re.sub('[^A-Za-z0-9._]+', '-', label) for label in labels[:3])}-compared"
-    comparison, title = compared(paths, folder, reference, sequence, truth_topic, calib)
+    comparison, title = compared(paths, folder, reference, sequence, truth_topic, calib, command_line())
     print(f"{title}\n\n{format_comparison(comparison)}")
-    print(f"{folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")
+    print(f"{folder / 'report.html'}: all of it; {folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")
 
 
 def print_comparison(comparison: Comparison, title: str, folder: Path, rows: Iterable[str]) -> None:
