@@ -36,7 +36,7 @@ def compare_trajectories(
     Args:
         trajectories: Each a run folder, a trajectory file in KITTI, TUM or EuRoC format, or RECORDING:TOPIC; LABEL=PATH
             names its row.
-        out: Folder for compare.json, compare.md, report.html and figures. Default: nothing is written.
+        out: Folder for compare.json, compare.md and report.html. Default: nothing is written.
         reference: A trajectory, or a data set with ground truth. Default: the ground truth in the run folders; without
             any, the trajectories are compared with each other only.
         sequence: Name of the sequence, if the reference is a data set that has several.
@@ -63,7 +63,7 @@ def compared(
     calib: str | Path | None,
     command: str | None = None,
 ) -> tuple[Comparison, str]:
-    """Compare as `compare_trajectories`, with the command line for the report; return the title as well."""
+    """Compare as `compare_trajectories`, and return the title as well; `command` is printed in the report."""
     from eval.compare import compare_rows
     from eval.evaluation import write_json
     from eval.report.content import Report
@@ -87,7 +87,8 @@ def compared(
     if folder is not None:
         write_json(folder / "compare.json", comparison.as_dict())
         write_text(folder / "compare.md", comparison_markdown(comparison, title))
-        write_report(folder, Report(title, rows, truth.row.track if truth else None, command))
+        track, name = (truth.row.track, truth.row.label) if truth else (None, "")
+        write_report(folder, Report(title, rows, track, name, command))
     return comparison, title
 
 
