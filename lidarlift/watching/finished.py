@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from eval.runs import Row, RunDetails, read_run, read_truth
 from lidarlift.front_ends import front_end_for
@@ -21,7 +22,7 @@ from slam.data.errors import InputError
 from slam.data.point_files import read_cloud
 from slam.data.sensor_names import SENSORS
 from slam.run import FrameRecord
-from slam.settings import Config
+from slam.settings import FrontEndSettings
 
 if TYPE_CHECKING:
     from slam.data.dataset import Dataset
@@ -75,8 +76,7 @@ def _scans(row: Row, run: RunDetails, chosen: range) -> Iterator[tuple[Frame, Po
     same = len(positions) == len(track.poses) and positions[-1] < len(data)
     if not same or np.abs(data.stamps[positions] - track.stamps).max() > SAME_STAMP:
         raise InputError(f"{data.path}: its frames are not those of the run; it has changed, or needs other options")
-    settings = Config.model_validate(protocol["config"])
-    front_end = front_end_for(settings.front_end, data.sensor, data.name, ring_count(data))
+    front_end = front_end_for(_settings(protocol), data.sensor, data.name, ring_count(data))
     angle = np.deg2rad(protocol["vertical_correction_deg"])
     recent: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
     for k in chosen:
@@ -89,6 +89,15 @@ def _scans(row: Row, run: RunDetails, chosen: range) -> Iterator[tuple[Frame, Po
         figures = frames.status[k], float(frames.inlier_ratio[k]), int(frames.points[k]), milliseconds
         record = FrameRecord(frame.index, float(track.stamps[k]), pose, np.zeros((6, 6)), *figures)
         yield frame, correct_vertical(scan, angle), record
+
+
+def _settings(protocol: Mapping[str, Any]) -> FrontEndSettings:
+    """Settings of the front end, which another version may have had under other names."""
+    try:
+        return FrontEndSettings.model_validate(protocol["config"]["front_end"])
+    except ValidationError as error:
+        names = ", ".join(".".join(map(str, fault["loc"])) for fault in error.errors())
+        raise InputError(f"the run is of another version, with other settings (front_end: {names})") from error
 
 
 def _data_set(protocol: Mapping[str, Any]) -> Dataset:

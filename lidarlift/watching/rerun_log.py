@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -58,7 +59,7 @@ class RerunLog(Observer):
         self._stream.send_recording_name(title)
         blueprint = _blueprint()
         if show:
-            rr.spawn(connect=False, default_blueprint=blueprint, recording=self._stream)
+            _open_viewer(rr, self._stream)
         sinks = [rr.GrpcSink()] if show else []
         if file is not None:
             _require_writable(file)
@@ -172,6 +173,17 @@ def require_display() -> None:
             "no display for the viewer (neither DISPLAY nor WAYLAND_DISPLAY is set); write a file with --record "
             "FILE.rrd and open it elsewhere (rerun FILE.rrd), or watch a run in a browser: lidarlift run --serve 8080"
         )
+
+
+def _open_viewer(rr: Any, stream: Any) -> None:
+    """Start the viewer, which is installed beside the interpreter, also where the environment is not activated."""
+    beside = str(Path(sys.executable).parent)
+    executable = shutil.which("rerun", path=f"{beside}{os.pathsep}{os.environ.get('PATH', '')}")
+    try:
+        rr.spawn(connect=False, recording=stream, **({"executable_path": executable} if executable else {}))
+    except (RuntimeError, OSError) as error:
+        reason = str(error).partition("\n")[0]
+        raise InputError(f"the viewer cannot be started ({reason}); write a file with --record FILE.rrd") from error
 
 
 def image_of(frame: Frame) -> Array | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -66,11 +67,28 @@ def test_a_finished_run_is_recorded(lidarlift: Command, street_drive: Drive) -> 
     assert {"/world/map", "/world/corrected", "/world/ground_truth"} <= set(found)
     lidarlift("view", "r", "--record", "x.rrd", "--frames", "50:60").refused("--frames", "none of the 6 frames")
 
-    shutil.rmtree(drive)
+
+@pytest.mark.parametrize("gone", ["the data set", "a scan's stamp", "a setting's name"])
+def test_a_run_whose_scans_cannot_be_read_as_before_is_shown_without(
+    lidarlift: Command, street_drive: Drive, gone: str
+) -> None:
+    pytest.importorskip("rerun")
+    drive = street_drive()
+    assert lidarlift("run", drive, "--input", "16", "--frames", "0:3", "--out", "r").code == 0
+    if gone == "the data set":
+        shutil.rmtree(drive)
+    elif gone == "a scan's stamp":
+        (drive / "times.txt").write_text("".join(f"{0.2 * number}\n" for number in range(8)))
+    else:
+        report = json.loads(Path("r/run.json").read_text())
+        report["protocol"]["config"]["front_end"]["old_name"] = 1
+        Path("r/run.json").write_text(json.dumps(report))
     result = lidarlift("view", "r", "--record", "r.rrd")
-    assert result.code == 0
+    assert result.code == 0, result.err
     assert "shown without scans" in result.err
-    assert "/world/lidar/measured" not in entities(Path("r.rrd"))
+    found = entities(Path("r.rrd"))
+    assert "/world/lidar/measured" not in found
+    assert {"/world/map", "/world/corrected"} <= set(found)
 
 
 def test_without_a_display_the_remedy_is_said(
@@ -84,6 +102,20 @@ def test_without_a_display_the_remedy_is_said(
     assert not Path("r").exists()
     assert lidarlift("run", drive, "--input", "16", "--frames", "0:2", "--out", "r").code == 0
     lidarlift("view", "r").refused("no display", "--record FILE.rrd")
+
+
+def test_a_viewer_that_does_not_start_is_an_error(
+    lidarlift: Command, street_drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rerun = pytest.importorskip("rerun")
+
+    def refuse(**_: object) -> None:
+        raise RuntimeError("Failed to find Rerun Viewer\n\nInstall it.")
+
+    monkeypatch.setattr(rerun, "spawn", refuse)
+    monkeypatch.setenv("DISPLAY", ":0")
+    result = lidarlift("run", street_drive(), "--live", "--out", "r")
+    result.refused("cannot be started (Failed to find Rerun Viewer)", "--record FILE.rrd")
 
 
 def test_without_the_package_the_remedy_is_said(
