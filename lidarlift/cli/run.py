@@ -60,7 +60,7 @@ def run(
     from slam.session import read_report
 
     data = reading.opened(dataset)
-    chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
+    chosen = settings_for(ring_count(data), input, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     views = Views(live, record, serve)
     about: Any = {"odometry": odometry, "strict": strict, "views": views, "command": command_line()}
