@@ -120,6 +120,8 @@ def run_into(
         InputError: As `run`.
     """
     task = _Task(data, settings, frames, odometry, strict, reporter, name)
+    if views.record is not None:
+        require_apart(views.record.parent, data)
     with watched(views, task.title, task.total, reporter) as observer:
         result = replace(task, observer=observer).run_into(folder)
         if report:

@@ -134,6 +134,12 @@ def test_a_file_that_cannot_be_written_is_an_error(lidarlift: Command, street_dr
     )
 
 
+def test_a_recording_does_not_enter_the_data_set(lidarlift: Command, street_drive: Drive) -> None:
+    drive = street_drive()
+    lidarlift("run", drive, "--record", drive / "r.rrd", "--out", "r").refused("77", "belongs to the data set")
+    assert not (drive / "r.rrd").exists()
+
+
 def test_a_folder_without_a_run_is_an_error(lidarlift: Command) -> None:
     lidarlift("view", "nothing").refused("nothing", "give a folder written by `lidarlift run`")
 
