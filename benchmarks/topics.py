@@ -136,7 +136,7 @@ TOPICS = (
         pictures=_picture("realism"),
     ),
     Topic("simulation.simulator_speed", BOTH, 20),
-    Topic("same_bytes", (*BOTH, "--drive", "{kitti_odometry_04}", "--simulate", "100"), 20),
+    Topic("same_bytes", (*BOTH, "--sequence", "{kitti_odometry_04}", "--simulate", "100"), 20),
     Topic(
         "recordings.ouster_packets", (".peers/ouster-sdk/bin/python", "{ouster_captures}/*.pcap"), 5,
         (".peers/ouster-sdk/bin/python",),
