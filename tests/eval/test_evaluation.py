@@ -265,4 +265,4 @@ def test_a_reference_with_w_first_is_read_as_the_estimate_tells(tmp_path):
     np.savetxt(tmp_path / "reference.txt", table[:, [0, 1, 2, 3, 7, 4, 5, 6]])
     metrics = evaluate_files(tmp_path / "estimate.txt", tmp_path / "reference.txt")
     assert metrics.rpe.frame.rmse == pytest.approx(0, abs=1e-6)
-    assert any("as the estimate tells, its quaternions have w first" in note for note in metrics.notes)
+    assert any("judging by the estimate, its quaternions have w first" in note for note in metrics.notes)
