@@ -123,8 +123,8 @@ def test_lidar_against_camera_without_calib_is_an_error(write, tmp_path):
         ("1 2 3\n", "3 columns"),
         ("hello world\n", "not a table of numbers"),
         ("1 0 0 0 0 1 0 0 0 0 nan 0\n", "not finite"),
-        ("5 0 0 0 0 1 0 0 0 0 1 0\n" * 2, "not rotations"),
-        ("1 0 0 0 0 1 0 0 0 0 -1 0\n" * 2, "not rotations"),
+        ("5 0 0 0 0 1 0 0 0 0 1 0\n" * 2, "not a rotation"),
+        ("1 0 0 0 0 1 0 0 0 0 -1 0\n" * 2, "not a rotation"),
     ],
 )
 def test_malformed_files_are_an_error(tmp_path, write, text, complaint):
