@@ -10,7 +10,7 @@ from slam.data.point_blocks import UnreadableError
 from slam.data.point_files import NAMES
 from slam.data.problem import Problem
 from slam.data.recordings.clouds import CLOUDS
-from slam.data.recordings.messages import CAMERA_INFO, COMPRESSED, IMAGE, OLD_TRANSFORMS, TRANSFORMS
+from slam.data.recordings.messages import CAMERA_INFO, COMPRESSED, FIX, IMAGE, OLD_TRANSFORMS, TRANSFORMS
 from slam.data.recordings.packets import PACKETS
 from slam.data.recordings.recording import TRUTH_TYPES, Recording, Topic
 from slam.data.recordings.scans import packet_bytes
@@ -105,19 +105,23 @@ def info_topic(recording: Recording, images: Topic, only: bool) -> Topic | None:
 
 
 def truth_topic(recording: Recording, said: str | None) -> tuple[Topic | None, tuple[Problem, ...]]:
-    """The topic with the true poses: the one that is said, else the one whose name says so. What a robot only believes
-    of its own way is not taken for truth.
+    """Return the topic with the ground truth: the one that is said, else one of poses whose name says so, else GNSS.
+
+    The odometry of a robot is not taken for ground truth.
 
     Raises:
         InputError: There is none of the name that is said.
     """
-    known = recording.of_type(*TRUTH_TYPES)
+    known, fixes = recording.of_type(*TRUTH_TYPES), recording.of_type(FIX)
     if said is not None:
-        return _named(recording, said, known, "--truth-topic", "poses"), ()
+        return _named(recording, said, [*known, *fixes], "--truth-topic", "poses"), ()
     named = [topic for topic in known if TRUTH.search(topic.name)]
     if named:
         best = max(named, key=lambda topic: topic.count)
         return best, _several(recording, named, best, "true poses", "--truth-topic")
+    if fixes:
+        best = max(fixes, key=lambda topic: topic.count)
+        return best, _several(recording, fixes, best, "GNSS fixes", "--truth-topic")
     if known:
         text = f"{recording.path}: poses on {', '.join(map(str, known))}, none of which is called truth"
         return None, (Problem("no ground truth", f"{text}; to take one as such name it with --truth-topic"),)

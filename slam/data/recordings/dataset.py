@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,13 @@ from slam.data.point_files import Points
 from slam.data.problem import Problem
 from slam.data.recordings.cameras import RecordedCamera, Scans, find_cameras
 from slam.data.recordings.choice import cloud_topic, mounting_of, truth_topic
-from slam.data.recordings.clock import Stamped, clock_problems, seconds
+from slam.data.recordings.clock import clock_problems, seconds
 from slam.data.recordings.images import RecordedImage
 from slam.data.recordings.packets import PACKETS
 from slam.data.recordings.recording import Recording, Topic, recordings_at
 from slam.data.recordings.scans import MessageScans, PacketTopicScans, TopicScans
 from slam.data.recordings.transforms import Mounting
-from slam.data.recordings.truth import read_truth
+from slam.data.recordings.truth import RecordedTruth, TruthOf, read_truth
 from slam.data.scan_columns import SAMPLES, find_columns
 from slam.data.scan_names import named_scans
 from slam.data.sensor import conventions_of_folder, nominal_lines, sensor_of_folder
@@ -111,7 +112,8 @@ class RecordedSequence:
         self.calibration = self._cameras[0].calibration if self._cameras else None
         for at, camera in enumerate(self._cameras, 1):
             self.topics["images" if at == 1 else f"images {at}"] = camera.topic.name
-        self.ground_truth, untrue = self._truth(truth_topic, clouds, mounting)
+        truth = self._truth(truth_topic, TruthOf(clouds, self.stamps, self.numbers, scans.recorded), mounting)
+        self.ground_truth, self.true_positions = truth.poses, truth.positions
         told = (
             *self.recording.problems,
             *several,
@@ -121,7 +123,7 @@ class RecordedSequence:
             *odd,
         )
         nominal = nominal_lines(self.sensor, path)
-        self.problems = (*told, *nominal, *self._columns.problems, *blind, *untrue)
+        self.problems = (*told, *nominal, *self._columns.problems, *blind, *truth.problems)
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -197,14 +199,14 @@ class RecordedSequence:
         odd = (Problem("map coordinates", f"{self._where}: {map_frame(self._offset or NONE)}"),) if moved else ()
         return found, odd
 
-    def _truth(self, said: str | None, clouds: Stamped, mounting: Mounting) -> tuple[Array | None, tuple[Problem, ...]]:
+    def _truth(self, said: str | None, scans: TruthOf, mounting: Mounting) -> RecordedTruth:
         topic, odd = truth_topic(self.recording, said)
         if topic is None:
-            return None, odd
-        truth, problems = read_truth(self.recording, topic, clouds, self.stamps, mounting)
-        if truth is not None:
+            return RecordedTruth(problems=odd)
+        truth = read_truth(self.recording, topic, scans, mounting)
+        if truth.poses is not None or truth.positions is not None:
             self.topics["truth"] = topic.name
-        return truth, (*odd, *problems)
+        return replace(truth, problems=(*odd, *truth.problems))
 
     @property
     def _middle(self) -> float:

@@ -47,7 +47,9 @@ TRUTH_TYPES = (ODOMETRY, POSE, POSE_WITH_COVARIANCE, PATH)
 #: Use of all messages of a type.
 USES = {IMU: "IMU, not used", FIX: "GNSS, not used", TRANSFORMS: "mounting", OLD_TRANSFORMS: "mounting"}
 #: Of which every message can be read. All others are counted.
-READ = frozenset((*CLOUDS, *PACKETS, STRING, IMAGE, COMPRESSED, CAMERA_INFO, *TRUTH_TYPES, TRANSFORMS, OLD_TRANSFORMS))
+READ = frozenset(
+    (*CLOUDS, *PACKETS, STRING, IMAGE, COMPRESSED, CAMERA_INFO, *TRUTH_TYPES, FIX, TRANSFORMS, OLD_TRANSFORMS)
+)
 
 
 @dataclass(frozen=True, eq=False)
