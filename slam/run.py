@@ -100,6 +100,7 @@ class Run:
         milliseconds: Run times of the mapper's stages (map, loops, back_end), one figure per keyframe or frame.
         records: One record per frame.
         problems: Problems in the data.
+        remarks: Notes about the input, such as where one enrichment method replaces another.
     """
 
     source: Source
@@ -111,6 +112,7 @@ class Run:
     milliseconds: dict[str, list[float]] = field(default_factory=dict)
     records: list[FrameRecord] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
+    remarks: tuple[str, ...] = ()
 
     @property
     def odometry_poses(self) -> Array:
@@ -168,7 +170,7 @@ class Run:
         return self.timed > 0
 
     def times(self) -> str:
-        """What the points' times were taken for, in one line."""
+        """Describe the interpretation of the points' times in one line."""
         frames = len(self.records)
         if self.config.front_end.deskew is False:
             return "point times: not used (front_end.deskew is false)"
@@ -190,4 +192,4 @@ class Run:
             if record.status == "degenerate":
                 motion = (se3.inverse(poses[number]) @ poses[max(number - 1, 0)])[:3, 3]
                 found.append(degeneracy.directions(record.unobserved, motion))
-        return [degeneracy.summary(found, len(self.records))] if found else []
+        return [*self.remarks, *([degeneracy.summary(found, len(self.records))] if found else [])]

@@ -48,7 +48,7 @@ def run(
     from slam.session import read_report
 
     data = reading.opened(dataset)
-    chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
+    chosen = settings_for(ring_count(data), input, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     about: Any = {"odometry": odometry, "strict": strict, "command": command_line()}
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), **about)
