@@ -149,7 +149,7 @@ def message_poses(recording: Recording, topic: Topic, numbers: Array | None = No
 
 
 def path_poses(recording: Recording, topic: Topic) -> tuple[Array, Array, str]:
-    """The same of a Path, whose last message has all of the way."""
+    """Read the poses of a Path, whose last message has the whole path; returns as `message_poses`, with stamps [s]."""
     for number in range(topic.count - 1, -1, -1):
         try:
             found: list[Any] = recording.message(topic.name, number).poses
@@ -166,7 +166,14 @@ def _seconds(stamp: Any) -> float:
 
 
 def mounted(mounting: Mounting, body: str, lidar: str, where: str) -> tuple[Array, tuple[Problem, ...]]:
-    """T_body_lidar (4, 4); where nothing says it, the body is taken for the LiDAR."""
+    """Return T_body_lidar (4, 4); the identity and a Problem if the recording does not have it.
+
+    Args:
+        mounting: How the frames are mounted to each other.
+        body: Frame of the poses, '' if unknown.
+        lidar: Frame of the scans.
+        where: The topic, for the message.
+    """
     if body in ("", lidar):
         return np.eye(4), ()
     T = mounting.between(body, lidar)
