@@ -272,6 +272,7 @@ def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
     """
     positions = chosen_positions(dataset, frames)
     truth = None if dataset.ground_truth is None else dataset.ground_truth[positions]
+    true_positions: Array | None = getattr(dataset, "true_positions", None)
     return Source(
         dataset.name,
         dataset.path,
@@ -283,6 +284,7 @@ def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
         getattr(dataset, "point_times", None),
         getattr(dataset, "stamps_from", None),
         getattr(dataset, "topics", {}),
+        None if true_positions is None else true_positions[positions],
     )
 
 

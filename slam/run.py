@@ -95,6 +95,8 @@ class Source:
         truth_readings: As in `GroundTruth`, of these frames.
         point_times: The verdict on the point times of the data set, None without one.
         stamps_from: Source of the scans' stamps, None if unknown.
+        true_positions: (N, 3) [m] positions of the LiDAR at these frames, NaN where unknown, if the ground truth has no
+            rotations; or None.
         topics: Topics of a recording that are used, by 'points', 'images' and 'truth'.
     """
 
@@ -108,6 +110,7 @@ class Source:
     point_times: PointTimes | None = None
     stamps_from: str | None = None
     topics: Mapping[str, str] = field(default_factory=dict)
+    true_positions: Array | None = None
 
 
 @dataclass(eq=False)
