@@ -35,7 +35,8 @@ def _frames(report: Report) -> Iterator[Chart]:
     runs = report.runs
     if not runs:
         return
-    status, inliers, points, unobserved, sigma, time = ([] for _ in range(6))
+    inliers, points, unobserved, sigma, time = ([] for _ in range(5))
+    status: list[Curve] = []
     for k, (row, run) in enumerate(runs):
         frames, colour = run.frames, report.colours[row.label]
         status += _unusual(row.label, frames, float(k), colour)
