@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lidarlift.folders import require_apart
 from lidarlift.front_ends import front_end_maker, input_name, opened, settings_for
 from lidarlift.reporting import Quiet, Reporter, note_problems
 from slam.data.atomic import require_writable
+from slam.data.errors import InputError
 
 if TYPE_CHECKING:
     from eval.metrics import RunMetrics
     from slam.data.dataset import Dataset
+    from slam.journal.journal import Journal
+    from slam.recorded_odometry import RecordedOdometry
     from slam.run import Run
     from slam.settings import Config
 
@@ -31,6 +34,7 @@ def run(
     frames: slice = slice(None),
     odometry: str | Path | None = None,
     out: str | Path | None = None,
+    resume: bool = False,
     strict: bool = False,
     reporter: Reporter | None = None,
 ) -> Run:
@@ -48,6 +52,7 @@ def run(
         frames: Positions in the data set, as a slice of a list.
         odometry: A file with LiDAR poses of another odometry, one per scan, in place of ours.
         out: The run folder, for trajectory, map and metrics. Default: nothing is written.
+        resume: Continue the run in `out` that was stopped or killed; the results are those of a run that was not.
         strict: Raise an error at the first problem of the data.
         reporter: Receives progress and notes.
 
@@ -55,9 +60,11 @@ def run(
         The poses T_world_lidar (N, 4, 4) before and after loop closure, the map, and the problems of the data.
 
     Raises:
-        InputError: The data set cannot be read, lacks what the settings require, or `out` cannot be written.
-        ValueError: Arguments would be ignored: `sequence` or `sensor` with an open data set, or settings with a
-            complete configuration.
+        InputError: The data set cannot be read, lacks what the settings require, or `out` cannot be written; another
+            run writes into `out`; `out` has an unfinished run, and `resume` is not set; or `resume` is set, and code,
+            input or settings have changed.
+        ValueError: Arguments would be ignored: `sequence` or `sensor` with an open data set, settings with a complete
+            configuration, or `resume` without `out`.
 
     Example:
         >>> run = lidarlift.run("2011_09_26_drive_0013_sync", input="enriched", enricher="ray-segment", out="runs/13")
@@ -66,11 +73,13 @@ def run(
     """
     from slam.data.dataset import ring_count
 
+    if resume and out is None:
+        raise ValueError("resume continues the run in a folder; give it as out")
     data = opened(dataset, sequence, sensor)
     settings = settings_for(ring_count(data), input, enricher, config, overrides)
     poses = None if odometry is None else Path(odometry)
     task = _Task(data, settings, frames, poses, strict, reporter or Quiet())
-    return task.run() if out is None else task.run_into(Path(out))[0]
+    return task.run(task.recorded()) if out is None else task.run_into(Path(out), resume)[0]
 
 
 def run_into(
@@ -83,6 +92,7 @@ def run_into(
     odometry: Path | None = None,
     name: str | None = None,
     strict: bool = False,
+    resume: bool | None = None,
 ) -> tuple[Run, RunMetrics | None]:
     """Run SLAM with complete settings, and write the run folder. See `run`.
 
@@ -95,6 +105,8 @@ def run_into(
         odometry: A file with LiDAR poses of another odometry, in place of ours.
         name: Name in progress and plot. Default: that of the data set.
         strict: Raise an error at the first problem of the data.
+        resume: Continue the unfinished run in the folder: True, and refuse if it has another identity; False, refuse if
+            there is one; None, continue it if it is the same run, else replace it.
 
     Returns:
         The run, and its metrics; None without ground truth.
@@ -102,7 +114,7 @@ def run_into(
     Raises:
         InputError: As `run`.
     """
-    return _Task(data, settings, frames, odometry, strict, reporter, name).run_into(folder)
+    return _Task(data, settings, frames, odometry, strict, reporter, name).run_into(folder, resume)
 
 
 @dataclass(frozen=True)
@@ -121,18 +133,26 @@ class _Task:
     def title(self) -> str:
         return f"{self.name or self.data.name}, {input_name(self.settings)}"
 
+    def recorded(self) -> RecordedOdometry | None:
+        """The poses of another odometry."""
+        from slam.recorded_odometry import RecordedOdometry
+
+        return RecordedOdometry(self.odometry, len(self.data), self.data.calibration) if self.odometry else None
+
     def run(
-        self, on_odometry: Callable[[Run], None] | None = None, on_stop: Callable[[Run], None] | None = None
+        self,
+        recorded: RecordedOdometry | None,
+        journal: Journal | None = None,
+        on_odometry: Callable[[Run], None] | None = None,
+        on_stop: Callable[[Run], None] | None = None,
     ) -> Run:
         from slam.compilation import compile_kernels
         from slam.data.dataset import ring_count
         from slam.pipeline import Pipeline
-        from slam.recorded_odometry import RecordedOdometry
 
         make_front_end = front_end_maker(
             self.settings.front_end, self.data.sensor, self.data.path, ring_count(self.data)
         )
-        recorded = RecordedOdometry(self.odometry, len(self.data), self.data.calibration) if self.odometry else None
         compile_kernels(
             self.settings, lambda: self.reporter.note("compiling kernels, only at the first run: about 20 s ...")
         )
@@ -142,6 +162,7 @@ class _Task:
                 self.frames,
                 recorded=recorded,
                 strict=self.strict,
+                journal=journal,
                 on_frame=lambda _: advance(),
                 on_odometry=on_odometry,
                 on_stop=on_stop,
@@ -149,21 +170,52 @@ class _Task:
         note_problems(result.problems, self.reporter)
         return result
 
-    def run_into(self, folder: Path) -> tuple[Run, RunMetrics | None]:
+    def run_into(self, folder: Path, resume: bool | None) -> tuple[Run, RunMetrics | None]:
         from eval.evaluation import evaluate_run
         from eval.plot import plot_run
-        from slam.session import save_odometry, save_run, save_stopped
+        from slam.data.dataset import chosen_positions
+        from slam.identity import identity
+        from slam.journal.lock import locked
+        from slam.pipeline import RefusedError
+        from slam.session import drop_session, save_odometry, save_run, save_stopped
 
         require_apart(folder, self.data)
         require_writable(folder)
+        recorded = self.recorded()
+        about = identity(self.data, chosen_positions(self.data, self.frames), self.settings, recorded)
 
         def save_partial(run: Run) -> None:
             if written := save_stopped(run, folder):
-                self.reporter.note(f"stopped after {len(run.records)} frames; the poses are written to {written}")
+                frames = f"stopped after {len(run.records)} frames"
+                self.reporter.note(f"{frames}; the poses are written to {written}, and --resume continues the run")
 
-        # the odometry is saved first, so that it is kept if loops or map fail or are interrupted
-        result = self.run(on_odometry=lambda run: save_odometry(run, folder), on_stop=save_partial)
-        save_run(result, folder)
-        metrics = evaluate_run(folder)
-        plot_run(folder, self.title)
+        with locked(folder):
+            journal = self._journal(folder, about, resume)
+            try:
+                with journal:
+                    # the odometry is saved first, so that it is kept if loops or map fail or are interrupted
+                    result = self.run(recorded, journal, lambda run: save_odometry(run, folder), save_partial)
+                    save_run(result, folder, journal)
+            except BaseException as error:
+                if isinstance(error, RefusedError) or not journal.counts()["frame"]:
+                    drop_session(folder)
+                raise
+            metrics = evaluate_run(folder)
+            plot_run(folder, self.title)
         return result, metrics
+
+    def _journal(self, folder: Path, about: dict[str, Any], resume: bool | None) -> Journal:
+        """The session of this run in a folder: a new one, or that of the run that is continued."""
+        from slam.session import UNFINISHED, begin_session, resume_session, session_differences, unfinished_frames
+
+        if resume is False and (found := unfinished_frames(folder)):
+            raise InputError(
+                f"{folder}: holds an unfinished run of {found} frames; add --resume to continue it, choose another "
+                f"folder, or remove {folder / UNFINISHED}"
+            )
+        if resume or (resume is None and unfinished_frames(folder) and not session_differences(folder, about)):
+            if journal := resume_session(folder, about):
+                self.reporter.note(f"{folder}: the run continues after {journal.counts()['frame']} frames")
+                return journal
+            self.reporter.note(f"{folder}: nothing to continue; the run begins with the first frame")
+        return begin_session(folder, about)

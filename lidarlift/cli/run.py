@@ -55,6 +55,9 @@ def run(
         typer.Option(help="File with LiDAR poses of another odometry, one per scan, KITTI or TUM format."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The run folder. Default: runs/NAME-INPUT.")] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the run in the folder that was stopped or killed.")
+    ] = False,
     strict: StrictOption = False,
 ) -> None:
     """Run SLAM over a data set: trajectory, map, and, with ground truth, ATE, RPE and drift.
@@ -78,7 +81,9 @@ def run(
     data = open_dataset(dataset, sequence, sensor, **said)
     chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
-    _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict)
+    _, metrics = run_into(
+        folder, data, chosen, frame_slice(frames), Console(), odometry=odometry, strict=strict, resume=resume
+    )
     report = read_report(folder)
     print(_summary(report))
     if metrics:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from slam.data.errors import InputError
@@ -20,6 +21,7 @@ def written_beside(path: Path) -> Iterator[Path]:
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.unlink(missing_ok=True)  # a link by this name must not be followed
         yield temporary
         temporary.replace(path)
     except OSError as error:
@@ -28,6 +30,15 @@ def written_beside(path: Path) -> Iterator[Path]:
     finally:
         if temporary.parent.is_dir():
             temporary.unlink(missing_ok=True)
+
+
+def remove_temporaries(folder: Path, names: Iterable[str]) -> None:
+    """Remove what `written_beside` left of files with these names in a folder when a program was killed."""
+    patterns = [rf"\.{re.escape(Path(name).stem)}\.[0-9]+{re.escape(Path(name).suffix)}" for name in names]
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if any(re.fullmatch(pattern, path.name) for pattern in patterns):
+            with suppress(OSError):
+                path.unlink()
 
 
 def require_writable(folder: Path) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +14,12 @@ from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.errors import InputError
+from slam.journal import journal as journals
+from slam.journal.journal import Journal
 from slam.odometry import OdometryStep
 from slam.pipeline import Slam
+from slam.recorded_odometry import RecordedSteps
+from slam.run import Run
 
 SIDE, FRAMES = 24.0, 112  # m, side of a square block; more than one round
 
@@ -148,3 +154,82 @@ def test_strict_stops_before_a_frame_with_an_implausible_stamp(frames: list[Fram
 def test_a_stamp_that_is_not_finite_is_an_error(frames: list[Frame], stamp: float) -> None:
     with slam() as it, pytest.raises(InputError, match=r"the stamp is (nan|inf); give the scan's time in seconds"):
         it.add(replace(frames[0], stamp=stamp))
+
+
+def journaled(frames: list[Frame], journal: Journal | None, stop: int | None = None) -> Run:
+    """The run over the frames, with a journal; `stop` leaves at that frame."""
+    config = load_config(None, ["loops.scan_context.min_travelled_distance=60", "keyframes.memory_mb=0.1"])
+    steps = RecordedSteps(Drifting().poses, 0.1, 0.0)
+    with Slam(config, odometry=steps, journal=journal) as it:
+        for frame in frames[len(it.result.records) : stop]:
+            it.add(frame)
+        if stop is not None:
+            raise KeyboardInterrupt
+        return it.finish()
+
+
+def test_a_run_that_is_resumed_again_and_again_has_the_same_bits(
+    frames: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Equal bits: two runs of the same code."""
+    monkeypatch.setattr(journals, "SNAPSHOT_EVERY", 0.0)
+    whole = journaled(frames, None)
+    Journal.begin(tmp_path / "s", {}).close()
+    for stop in (1, 30, 31, 95, 104):
+        begin = Journal.resume if journals.has_snapshot(tmp_path / "s") else lambda folder: Journal.begin(folder, {})
+        with begin(tmp_path / "s") as journal, suppress(KeyboardInterrupt):
+            journaled(frames, journal, stop)
+        if stop == 30:
+            with Journal.resume(tmp_path / "s") as journal:
+                assert 0 < journal.counts()["frame"] <= 30
+    with Journal.resume(tmp_path / "s") as journal:
+        resumed = journaled(frames, journal)
+        assert whole.mapping is not None
+        assert resumed.mapping is not None
+        assert whole.mapping.loops > 0
+        assert resumed.poses.tobytes() == whole.poses.tobytes()
+        assert resumed.map.xyz.tobytes() == whole.map.xyz.tobytes()
+        assert resumed.map.intensity.tobytes() == whole.map.intensity.tobytes()
+        assert [record.status for record in resumed.mapping.ledger] == [r.status for r in whole.mapping.ledger]
+        assert resumed.problems == whole.problems
+
+
+def test_a_second_thread_is_refused(frames: list[Frame]) -> None:
+    inside, done = threading.Event(), threading.Event()
+
+    class Slow(Drifting):
+        def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
+            inside.set()
+            assert done.wait(60)
+            return super().register(cloud, stamp)
+
+    with Slam(load_config(), odometry=Slow()) as it:
+        thread = threading.Thread(target=it.add, args=(frames[0],))
+        thread.start()
+        assert inside.wait(60)
+        with pytest.raises(RuntimeError, match="in use by another thread"):
+            it.add(frames[1])
+        with pytest.raises(RuntimeError, match="in use by another thread"):
+            it.finish()
+        done.set()
+        thread.join()
+        it.add(frames[1])
+        assert len(it.result.records) == 2
+
+
+def test_an_exception_of_the_mapper_is_raised_by_the_next_frame(
+    frames: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise MemoryError("no room")
+
+    with slam() as it:
+        it.add(frames[0])
+        it.trajectory()  # waits for the mapper
+        monkeypatch.setattr(it._mapper, "_add", fails)
+        it.add(frames[1])
+        with suppress(MemoryError):
+            it.trajectory()
+        with pytest.raises(MemoryError, match="no room"):
+            it.add(frames[2])
+        assert len(it.result.records) == 2
