@@ -1,21 +1,20 @@
-"""Comparison of runs on the same sequence: accuracy, map, run times."""
+"""Comparison of runs and other trajectories of the same sequence: accuracy, map, run times."""
 
 from __future__ import annotations
 
-import csv
-import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import combinations
 from pathlib import Path
-from statistics import median
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
 
 from eval.evaluation import evaluate_poses
-from eval.metrics import Metrics, RunMetrics
-from eval.trajectory import Statistics
-from slam.data.cloud import Array
+from eval.metrics import Metrics
+from eval.runs import Row, RunDetails, read_run
+from eval.trajectory import Statistics, path_length
 from slam.data.errors import InputError
-from slam.data.pose_files import read_poses
 
 DENSE = "64"  # the input that the others are compared with
 #: Definitions of the figures, printed with them.
@@ -30,11 +29,16 @@ PROTOCOL = {
     "front end, odometry": "median milliseconds per frame: from the scan as read to the points passed to the odometry, "
     "and from these to the pose",
 }
+MAX_SPREAD = 0.02  # of the lengths that rows cover of the reference, relative; above it, a note says so
+DISTANCE = "rmse of positions between two trajectories after loop closure, after SE(3) Umeyama alignment"
 
 
 @dataclass(frozen=True)
 class RunFigures:
-    """Figures of one run in a comparison; those that need ground truth are None without it.
+    """Figures of one run or trajectory in a comparison.
+
+    Those that need ground truth are None without it; those about scans, loops, map and times are None for the
+    trajectory of another system.
 
     Attributes:
         ate_m: ATE of the trajectory after loop closure, SE(3) Umeyama-aligned, rmse [m].
@@ -46,7 +50,7 @@ class RunFigures:
         drift_name: Segments that the drift is averaged over.
         notes: Sentences to be printed with the figures.
         path_m: Length of the estimated path [m].
-        frames: Number of scans that were read.
+        frames: Number of poses; of a run, number of scans that were read.
         failed: Number of scans that could not be registered.
         loops: Number of accepted loop closures.
         map_points: Number of points of the map.
@@ -67,12 +71,12 @@ class RunFigures:
     notes: tuple[str, ...]
     path_m: float
     frames: int
-    failed: int
-    loops: int
-    map_points: int
-    points_per_scan: int
-    front_end_ms: float
-    odometry_ms: float
+    failed: int | None = None
+    loops: int | None = None
+    map_points: int | None = None
+    points_per_scan: int | None = None
+    front_end_ms: float | None = None
+    odometry_ms: float | None = None
     to_64_m: float | None = None
 
 
@@ -81,19 +85,28 @@ class Comparison:
     """Content of compare.json.
 
     Attributes:
-        inputs: Figures of each run by the name of its input: "16", "enriched", "64".
+        inputs: Figures of each run by its input, "16", "enriched", "64"; or of each trajectory by its label.
         protocol: Definition of each figure, to be printed with it.
+        kind: Whether inputs of one data set are compared, or finished runs and other trajectories.
+        distances_m: Rmse of positions between every two trajectories by their labels, SE(3) Umeyama-aligned [m]; empty
+            for a comparison of inputs.
+        reference: Name of the reference, None without; not set for a comparison of inputs.
+        notes: Notes on the whole comparison.
     """
 
     inputs: Mapping[str, RunFigures]
     protocol: Mapping[str, str]
+    kind: Literal["inputs", "trajectories"] = "inputs"
+    distances_m: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    reference: str | None = None
+    notes: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content for JSON."""
-        return {
-            "inputs": {name: asdict(figures) for name, figures in self.inputs.items()},
-            "protocol": dict(self.protocol),
-        }
+        content: dict[str, Any] = {"inputs": {name: asdict(figures) for name, figures in self.inputs.items()}}
+        if self.kind == "trajectories":
+            content |= {"reference": self.reference, "distances_m": self.distances_m, "notes": list(self.notes)}
+        return content | {"protocol": dict(self.protocol)}
 
 
 def compare_runs(folders: Mapping[str, Path]) -> Comparison:
@@ -108,31 +121,67 @@ def compare_runs(folders: Mapping[str, Path]) -> Comparison:
     Raises:
         InputError: A folder does not hold a complete run.
     """
-    inputs = {name: _figures(folder) for name, folder in folders.items()}
-    if DENSE in folders:
-        dense = _odometry(folders[DENSE])
+    rows = {name: read_run(name, folder) for name, folder in folders.items()}
+    runs = {name: row.run for name, row in rows.items() if row.run}
+    inputs = {name: _figures(run, rows[name].metrics) for name, run in runs.items()}
+    if DENSE in runs:
         for name in inputs.keys() - {DENSE}:
-            off = evaluate_poses(_odometry(folders[name]), dense).ate.aligned.rmse
+            off = evaluate_poses(runs[name].odometry.poses, runs[DENSE].odometry.poses).ate.aligned.rmse
             inputs[name] = replace(inputs[name], to_64_m=off)
+    return Comparison(inputs, _protocol(inputs))
+
+
+def compare_rows(rows: Sequence[Row], reference: str | None, notes: Sequence[str] = ()) -> Comparison:
+    """Compare finished runs and trajectories of other systems, of the same sequence and in the same body frame.
+
+    Args:
+        rows: The rows, with their figures against the reference.
+        reference: Name of the reference, None without.
+        notes: Notes on the whole comparison.
+
+    Returns:
+        The figures of each row, and the distances between every two.
+
+    Raises:
+        InputError: Two of the trajectories cannot be associated, and there is no reference.
+    """
+    inputs = {row.label: _figures(row.run, row.metrics) if row.run else _figures_of_track(row) for row in rows}
+    paths = [row.metrics.reference_path_length_m for row in rows if row.metrics]
+    if paths and max(paths) - min(paths) > MAX_SPREAD * max(paths):
+        covered = ", ".join(f"{row.label} {row.metrics.reference_path_length_m:.1f} m" for row in rows if row.metrics)
+        notes = (*notes, f"the trajectories cover different parts of the reference, so their errors differ: {covered}")
+    protocol = {name: text for name, text in _protocol(inputs).items() if name != "to 64"} | {"distance": DISTANCE}
+    return Comparison(inputs, protocol, "trajectories", _distances(rows), reference, tuple(notes))
+
+
+def _distances(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
+    """Distances between every two trajectories; with a reference, those that cannot be associated are left out."""
+    found: dict[str, dict[str, float]] = {row.label: {} for row in rows}
+    for one, other in combinations(rows, 2):
+        try:
+            metrics = evaluate_poses(one.track.poses, other.track.poses, one.track.stamps, other.track.stamps)
+        except InputError as error:
+            if one.metrics and other.metrics:
+                continue
+            raise InputError(f"{one.label} and {other.label}: {error}") from error
+        found[one.label][other.label] = found[other.label][one.label] = metrics.ate.aligned.rmse
+    return found
+
+
+def _protocol(inputs: Mapping[str, RunFigures]) -> dict[str, str]:
     segments = sorted({figures.drift_name for figures in inputs.values() if figures.drift_name})
-    drift = "; ".join([PROTOCOL["drift"], *segments])
-    return Comparison(inputs, PROTOCOL | {"drift": drift})
+    return PROTOCOL | {"drift": "; ".join([PROTOCOL["drift"], *segments])}
 
 
-def _odometry(folder: Path) -> Array:
-    """Poses (N, 4, 4) before loop closure."""
-    return read_poses(folder / "odometry_tum.txt", "xyzw")[1]
+def _figures_of_track(row: Row) -> RunFigures:
+    poses = row.track.poses
+    return RunFigures(**_accuracy(row.metrics), path_m=path_length(poses), frames=len(poses))
 
 
-def _figures(folder: Path) -> RunFigures:
+def _figures(run: RunDetails, metrics: Metrics | None) -> RunFigures:
+    report, accuracy = run.report, _accuracy(metrics)
     try:
-        report = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        metrics = folder / "metrics.json"
-        found = RunMetrics.from_dict(json.loads(metrics.read_text(encoding="utf-8"))) if metrics.exists() else None
-        with (folder / "timings.csv").open(encoding="utf-8") as file:
-            points = [int(row["points"]) for row in csv.DictReader(file)]
         times = report["timings_ms"]
-        accuracy = _accuracy(found.slam if found else None)
         return RunFigures(
             **accuracy | {"notes": (*accuracy["notes"], *report.get("notes", ()))},
             path_m=report["path_length_m"],
@@ -140,13 +189,13 @@ def _figures(folder: Path) -> RunFigures:
             failed=report["counts"]["failed"],
             loops=report["loops"]["accepted"],
             map_points=report["map_points"],
-            points_per_scan=round(median(points)),
+            points_per_scan=round(float(np.median(run.frames.points))),
             front_end_ms=times["front_end"]["median"],
             odometry_ms=times["odometry"]["median"],
         )
-    except (OSError, ValueError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError) as error:
         reason = f"{type(error).__name__}: {error}"
-        raise InputError(f"{folder}: not a complete run ({reason}); run it again") from error
+        raise InputError(f"{run.folder}: not a complete run ({reason}); run it again") from error
 
 
 def _accuracy(metrics: Metrics | None) -> dict[str, Any]:

@@ -15,10 +15,12 @@ from scipy.spatial.transform import Rotation
 from eval import kitti_metric, trajectory
 from eval.alignment import MAX_STAMP_DIFFERENCE, NOT_UNIQUE, associate, umeyama
 from eval.body_frame import read_camera0_calibration, require_same_frame
+from eval.consistency import Consistency, consistency
 from eval.metrics import AbsoluteErrors, Metrics, RelativeErrors, RunMetrics
 from slam.data.atomic import write_text
 from slam.data.body_frame import body_frame, into_lidar_frame
 from slam.data.cloud import Array
+from slam.data.covariance_file import read_covariances
 from slam.data.errors import InputError
 from slam.data.pose_files import Trajectory, read_poses, read_whole_trajectory, w_first_note
 from slam.data.quaternion_order import orders_by_odometry
@@ -93,7 +95,7 @@ def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -
     stamps, e = read_poses(estimate)
     theirs = read_whole_trajectory(reference)
     T_camera0_lidar = None if calib is None else read_camera0_calibration(calib)
-    order = _other_order(theirs, stamps, e, T_camera0_lidar)
+    order = other_order(theirs, stamps, e, T_camera0_lidar)
     reference_stamps, g = theirs.stamps, theirs.readings[order] if order else theirs.poses
     protocol = {"association": "equal numbers of poses, in order"}
     if stamps is not None and reference_stamps is not None:
@@ -126,13 +128,13 @@ def evaluate_run(folder: Path) -> RunMetrics | None:
 
     Args:
         folder: A run folder with trajectory_tum.txt, odometry_tum.txt and ground_truth_tum.txt (LiDAR frame, possibly
-            of some frames only), associated by stamp.
+            of some frames only), associated by stamp; trajectory_covariance.csv is evaluated if it is there.
 
     Returns:
         The figures; None without ground truth, and no file is written.
 
     Raises:
-        InputError: A trajectory is missing, or no stamps agree.
+        InputError: A trajectory is missing, no stamps agree, or the covariances cannot be read.
     """
     truth_file = folder / "ground_truth_tum.txt"
     if not truth_file.is_file():
@@ -154,7 +156,11 @@ def evaluate_run(folder: Path) -> RunMetrics | None:
         }
         return replace(metrics, notes=notes, protocol={**metrics.protocol, **protocol})
 
-    result = RunMetrics(evaluated(folder / "trajectory_tum.txt"), evaluated(folder / "odometry_tum.txt"))
+    result = RunMetrics(
+        evaluated(folder / "trajectory_tum.txt"),
+        evaluated(folder / "odometry_tum.txt"),
+        _consistency(folder, truth_stamps, truth),
+    )
     write_json(folder / "metrics.json", result.as_dict())
     return result
 
@@ -227,8 +233,33 @@ def _read_stamped(path: Path) -> tuple[Array, Array]:
     return stamps, poses
 
 
-def _other_order(theirs: Trajectory, stamps: Array | None, e: Array, T_camera0_lidar: Array | None) -> str | None:
-    """The order of the reference's quaternions, where the estimate agrees with another one than they are read in."""
+def _consistency(folder: Path, truth_stamps: Array, truth: Array) -> Consistency | None:
+    """NEES of a run's trajectory. Its covariances are relative to its first pose, which must have a reference."""
+    path = folder / "trajectory_covariance.csv"
+    if not path.is_file():
+        return None
+    stamps, poses = _read_stamped(folder / "trajectory_tum.txt")
+    covariances = read_covariances(path)[1]
+    if len(covariances) != len(poses):
+        raise InputError(f"{path}: {len(covariances)} covariances for {len(poses)} poses; run again")
+    ours, theirs = associate(stamps, truth_stamps)
+    if not len(ours) or ours[0] != 0:
+        return None
+    return consistency(poses[ours], covariances[ours], truth[theirs])
+
+
+def other_order(theirs: Trajectory, stamps: Array | None, e: Array, T_camera0_lidar: Array | None) -> str | None:
+    """Return the order of a reference's quaternions if an estimate agrees with another one than they are read in.
+
+    Args:
+        theirs: The reference.
+        stamps: Stamps of the estimate (N,) [s], None without.
+        e: Poses of the estimate (N, 4, 4).
+        T_camera0_lidar: Transforms the reference into the LiDAR frame before it is compared, None if it need not be.
+
+    Returns:
+        'xyzw' or 'wxyz'; None if the order is right or cannot be told.
+    """
     if stamps is not None and theirs.stamps is not None:
         ours, pairs = associate(stamps, theirs.stamps)
     else:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from eval import consistency
+from eval.consistency import Consistency
 from eval.kitti_metric import Drift
 from eval.trajectory import Statistics
 
@@ -106,15 +108,19 @@ class RunMetrics:
     Attributes:
         slam: Figures of the trajectory after loop closure.
         odometry: Figures of the trajectory before loop closure; the same if no loop was closed.
+        nees: Consistency of the covariances of the trajectory after loop closure; None without covariances, or if the
+            first frame has no reference.
     """
 
     slam: Metrics
     odometry: Metrics
+    nees: Consistency | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the content for JSON: "slam", "odometry" and "protocol"."""
+        """Return the content for JSON: "slam", "odometry", "nees" and "protocol"."""
         entries = {"slam": self.slam.as_dict(), "odometry": self.odometry.as_dict()}
-        return {**entries, "protocol": dict(self.slam.protocol)}
+        nees = self.nees.as_dict() if self.nees else None
+        return {**entries, "nees": nees, "protocol": {**self.slam.protocol, **consistency.PROTOCOL}}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> RunMetrics:
@@ -124,5 +130,7 @@ class RunMetrics:
             KeyError: An entry is missing.
             TypeError: An entry has another type.
         """
-        slam, odometry = (Metrics.from_dict(content[name], content["protocol"]) for name in ("slam", "odometry"))
-        return cls(slam, odometry)
+        protocol = {name: text for name, text in content["protocol"].items() if name not in consistency.PROTOCOL}
+        slam, odometry = (Metrics.from_dict(content[name], protocol) for name in ("slam", "odometry"))
+        nees = content.get("nees")  # not there in runs of earlier versions
+        return cls(slam, odometry, Consistency(**nees) if nees else None)

@@ -81,12 +81,17 @@ def _compared(comparison: Comparison) -> list[tuple[list[str], list[list[str]]]]
     """Header and rows of each table of a comparison."""
     inputs = comparison.inputs
 
+    known = {key for figures in inputs.values() for key, value in vars(figures).items() if value is not None}
+    columns = [column for column in COMPARISON_COLUMNS if column[1] in known or comparison.kind == "inputs"]
+
     def row(name: str, figures: RunFigures) -> list[str]:
-        values = ((getattr(figures, key), form) for _, key, form in COMPARISON_COLUMNS)
+        values = ((getattr(figures, key), form) for _, key, form in columns)
         return [name, *("-" if value is None else format(value, form) for value, form in values)]
 
-    header = ["Input", *(title for title, _, _ in COMPARISON_COLUMNS)]
+    header = ["Input" if comparison.kind == "inputs" else "Trajectory", *(title for title, _, _ in columns)]
     tables = [(header, [row(*entry) for entry in inputs.items()])]
+    if len(comparison.distances_m) > 1:
+        tables.append(_distances(comparison.distances_m))
     measured = {name: figures.table_iii_m for name, figures in inputs.items() if figures.table_iii_m}
     if measured:
         names = ("max", "mean", "min", "rmse", "std")  # in the paper's order
@@ -95,8 +100,15 @@ def _compared(comparison: Comparison) -> list[tuple[list[str], list[list[str]]]]
     return tables
 
 
+def _distances(distances: Mapping[str, Mapping[str, float]]) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of the distances between every two trajectories."""
+    rows = [[one, *(number(between.get(other), 3) for other in distances)] for one, between in distances.items()]
+    return ["Distance, rmse [m]", *distances], rows
+
+
 def _notes(comparison: Comparison) -> list[str]:
-    return [f"{name}: {note}" for name, figures in comparison.inputs.items() for note in figures.notes]
+    own = [f"{name}: {note}" for name, figures in comparison.inputs.items() for note in figures.notes]
+    return [*comparison.notes, *own]
 
 
 def _cells(texts: Sequence[str]) -> str:

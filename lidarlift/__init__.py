@@ -2,7 +2,7 @@
 
 Example:
     >>> import lidarlift
-    >>> run = lidarlift.run("my_drive", sensor="vlp16", input="enriched", enricher="ray-segment", out="runs/mine")
+    >>> run = lidarlift.run("my_sequence", sensor="vlp16", input="enriched", enricher="ray-segment", out="runs/mine")
     >>> run.poses, run.map  # (N, 4, 4) T_world_lidar after loop closure, and the global map
 """
 
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lidarlift.comparing import compare as compare
+    from lidarlift.comparing_trajectories import compare_trajectories as compare_trajectories
     from lidarlift.enriching import enrich as enrich
     from lidarlift.evaluating import evaluate as evaluate
     from lidarlift.inspecting import info as info
@@ -34,6 +35,7 @@ _PLACES = {
     "PointCloud": "slam.data.cloud",
     "Slam": "lidarlift.live",
     "compare": "lidarlift.comparing",
+    "compare_trajectories": "lidarlift.comparing_trajectories",
     "enrich": "lidarlift.enriching",
     "evaluate": "lidarlift.evaluating",
     "info": "lidarlift.inspecting",

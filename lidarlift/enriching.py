@@ -25,8 +25,8 @@ def enrich(
 ) -> Iterator[tuple[Frame, PointCloud]]:
     """Enrich the scans of a sequence one by one.
 
-    64-ring scans are first reduced to every fourth ring (front_end.phase, front_end.drop); scans of other sensors keep
-    all rings.
+    64-ring scans are first reduced to every fourth ring (front_end.phase, front_end.ring_selection); scans of other
+    sensors keep all rings.
 
     Args:
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
@@ -47,7 +47,7 @@ def enrich(
         ValueError: `sequence` or `sensor` is given for a data set that is already open.
 
     Example:
-        >>> for frame, cloud in lidarlift.enrich("my_drive", sensor="vlp16", enricher="ray-segment"):
+        >>> for frame, cloud in lidarlift.enrich("my_sequence", sensor="vlp16", enricher="ray-segment"):
         ...     print(frame.index, len(cloud), cloud.sigma[~cloud.measured].mean())
     """
     from slam.data.dataset import chosen_positions

@@ -108,7 +108,7 @@ def info(
         InputError: As `open_dataset`.
 
     Example:
-        >>> found = lidarlift.info("my_drive")
+        >>> found = lidarlift.info("my_sequence")
         >>> found.scans, found.rate_hz, found.rings, found.point_times
         (4541, 10.0, 16, 'field t, ns, relative, 0 to 99.9 ms of a 100 ms sweep, in 12 of 12 scans; stamp = start')
     """

@@ -94,8 +94,8 @@ def lift_task(paths: Sequence[Path], validate: Sequence[Path], own_rings: bool) 
     """
     from enrichment.training.lift_task import LiftTask
 
-    drives, held_out = ([_opened(path) for path in some] for some in (paths, validate))
-    return LiftTask(drives, held_out, own_rings)
+    sequences, held_out = ([_opened(path) for path in some] for some in (paths, validate))
+    return LiftTask(sequences, held_out, own_rings)
 
 
 def depth_task(training: Sequence[Pack], validation: Sequence[Pack], crop: tuple[int, int]) -> ImageTask:
@@ -136,15 +136,15 @@ def open_packs(
     from enrichment.training.pack import Pack
 
     packs = [Pack(path) for path in paths if path.suffix == ".npz"]
-    drives = [path for path in paths if path.suffix != ".npz"]
-    if poses and len(poses) != len(drives):
-        raise InputError(f"--poses: {len(poses)} files for {len(drives)} sequences; give one for each, or none")
+    folders = [path for path in paths if path.suffix != ".npz"]
+    if poses and len(poses) != len(folders):
+        raise InputError(f"--poses: {len(poses)} files for {len(folders)} sequences; give one for each, or none")
     for pack in packs:
         if pack.scale != scale:
             raise InputError(f"{pack.path}: packed at scale {pack.scale:g}; use --scale {pack.scale:g}")
-    if drives:
-        files: Sequence[Path | None] = poses or [None] * len(drives)
-        sources = [_source(drive, of_it, scale, neighbours) for drive, of_it in zip(drives, files, strict=True)]
+    if folders:
+        files: Sequence[Path | None] = poses or [None] * len(folders)
+        sources = [_source(path, of_it, scale, neighbours) for path, of_it in zip(folders, files, strict=True)]
         packs.append(_packed(file, sources, progress))
     return packs
 
@@ -158,17 +158,17 @@ def _packed(file: Path, sources: Sequence[Source], progress: Progress) -> Pack:
         return packed(file, sources, advance)
 
 
-def _source(drive: Path, poses: Path | None, scale: float, neighbours: int) -> Source:
+def _source(sequence: Path, poses: Path | None, scale: float, neighbours: int) -> Source:
     from enrichment.training.samples import source
 
-    return source(_opened(drive), poses, scale, neighbours)
+    return source(_opened(sequence), poses, scale, neighbours)
 
 
-def _opened(drive: Path) -> Dataset:
+def _opened(sequence: Path) -> Dataset:
     from slam.data.dataset import open_dataset
 
     try:
-        return open_dataset(drive)
+        return open_dataset(sequence)
     except InputError as error:
         raise InputError(str(error).replace("name one with --sequence", "give the folder of each")) from error
 

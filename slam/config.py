@@ -24,6 +24,10 @@ REMOVED_SETTINGS = {
 }
 #: Settings of earlier versions that were renamed.
 RENAMED_SETTINGS = {
+    "front_end.drop": "front_end.ring_selection",
+    "odometry.floor": "odometry.regularisation",
+    "odometry.information": "odometry.information_matrix",
+    "odometry.kernel": "odometry.kernel_scale",
     "loops.candidates": "loops.max_candidates",
     "loops.max_distance": "loops.max_descriptor_distance",
     "loops.scan_context.preselected": "loops.scan_context.max_preselected",

@@ -72,7 +72,7 @@ class RingFrontEnd:
         assert self.sensor is not None
         if self.as_recorded:
             return self.sensor, np.arange(self.sensor.ring_count)
-        return kept_lines(self.sensor, self.settings.drop, self.settings.phase)
+        return kept_lines(self.sensor, self.settings.ring_selection, self.settings.phase)
 
     def state(self) -> int | None:
         """Return the number of rings, which may be counted."""
@@ -94,4 +94,4 @@ class RingFrontEnd:
         return self._dropped(frame.cloud)
 
     def _dropped(self, cloud: PointCloud) -> PointCloud:
-        return drop_rings(cloud, self.settings.drop, self.settings.phase, self.sensor, self.rings or 64)
+        return drop_rings(cloud, self.settings.ring_selection, self.settings.phase, self.sensor, self.rings or 64)

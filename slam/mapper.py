@@ -25,7 +25,7 @@ from slam.mapping.global_map import build_map
 from slam.mapping.keyframes import Keyframe, Keyframes
 from slam.mapping_record import MappingRecord, add_edges, kept_keyframes, places
 from slam.odometry import OdometryStep
-from slam.settings import Config
+from slam.settings import Config, PoseGraphSettings
 
 MIN_TRAVELLED = 0.5  # m, lower bound of the distance in the drift model: a vehicle may turn on the spot
 MAX_QUEUED_SCANS = 20  # the odometry blocks when mapping is this many scans behind: bounds the memory
@@ -216,9 +216,8 @@ class Mapper:
     def _motion_since(self, before: Keyframe, pose: Array) -> tuple[Array, Array]:
         """Motion (4, 4) to `pose` since a keyframe, and its covariance (6, 6): registration plus drift."""
         distance = max(self._travelled - before.travelled, MIN_TRAVELLED)
-        settings = self.config.pose_graph
-        sigma = np.array([np.deg2rad(settings.rotation_drift_deg)] * 3 + [settings.translation_drift] * 3)
-        return se3.normalized(se3.inverse(before.pose) @ pose), self._covariance + np.diag(sigma**2 * distance)
+        drift = distance * drift_per_metre(self.config.pose_graph)
+        return se3.normalized(se3.inverse(before.pose) @ pose), self._covariance + drift
 
     def _snapshot(self, parts: dict[str, Any], counts: dict[str, int], late: Callable[[], Any]) -> None:
         assert self.journal is not None
@@ -233,6 +232,12 @@ class Mapper:
         self._keyframes.restore(state["keyframes"])
         self._search.restore(*places(journal.file, self.config))
         add_edges(journal.file, self._back_end)
+
+
+def drift_per_metre(settings: PoseGraphSettings) -> Array:
+    """Return the covariance (6, 6) that the odometry's drift adds per metre of travelled distance."""
+    sigma = np.array([np.deg2rad(settings.rotation_drift_deg)] * 3 + [settings.translation_drift] * 3)
+    return np.diag(sigma**2)
 
 
 def corrected_poses(poses: Array, indices: Array, keyframes: Array, optimised: Array) -> Array:

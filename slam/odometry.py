@@ -36,7 +36,7 @@ class Odometry:
         self._tracks = [track]  # best first
         self._steps: dict[Track, list[OdometryStep]] = {track: []}  # provisional ones
         # the evidence needs surface information and a map: it is no criterion from scan to scan
-        self._initialising = settings.target == "map" and settings.information == "surface"
+        self._initialising = settings.target == "map" and settings.information_matrix == "surface"
 
     @property
     def settings(self) -> OdometrySettings:

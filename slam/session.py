@@ -21,6 +21,7 @@ from slam import degeneracy
 from slam.data.atomic import remove_temporaries, write_text
 from slam.data.body_frame import rotations
 from slam.data.cloud import Array
+from slam.data.covariance_file import MEANING, covariance_text
 from slam.data.errors import InputError
 from slam.data.machine import peak_memory
 from slam.data.point_writer import write_points
@@ -41,6 +42,7 @@ RESULTS = (  # written after loops and map
     "trajectory.png",
     "trajectory_kitti.txt",
     "trajectory_tum.txt",
+    "trajectory_covariance.csv",
     "loops.csv",
     "graph.g2o",
     "map.pcd",
@@ -171,6 +173,8 @@ def save_run(run: Run, folder: str | Path, journal: Journal | None = None) -> Pa
     folder = Path(folder)
     save_odometry(run, folder)
     _write_poses(run, folder, "trajectory", run.poses)
+    frames = [record.index for record in run.records]
+    write_text(folder / "trajectory_covariance.csv", covariance_text(frames, run.stamps, run.covariances()))
     _write_mapping(run, folder)
     if journal:
         journal.move(folder / SESSION)
@@ -261,6 +265,7 @@ def _report(run: Run) -> dict[str, Any]:
             "topics": dict(source.topics),
             "sizes_m": asdict(run.sizes) if run.sizes else None,
             "alignment": "none: the first frame is the origin; metrics.json says how each figure was aligned",
+            "covariances": MEANING,
             "versions": versions(),
             "config": run.config.model_dump(mode="json"),
         },

@@ -18,7 +18,8 @@ class FrontEndSettings(Settings):
 
     # full: as recorded, and so is 64; 16: 16 of its rings; enriched: 16 enriched to about 64
     input: Literal["full", "64", "16", "enriched"] = "64"
-    drop: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"  # which 16 of its rings; every-4th as in papers
+    # the 16 of its rings; every-4th as in papers, vlp16: those nearest to a VLP-16's, average-pool: as in the paper
+    ring_selection: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"
     phase: int = Field(0, ge=0, le=3)  # of every-4th: index of the first ring that is kept
     # a name in enrichment.methods.registry, checked when the method is created. lift: our network; ray-segment: no
     # learning, some milliseconds per frame; joint: ray-segment guided by the image, a tenth of a second; l2l, li2l,
@@ -41,7 +42,7 @@ class OdometrySettings(Settings):
     target: Literal["map", "scan"] = "map"  # scan: the previous scan, as in the paper; drifts 3 to 7 times more
     # surface: a Gaussian constrains a point along the thin directions of the cell's surface only; covariance: by the
     # full inverse covariance of the cell, as in the paper, which mistakes the ring pattern for structure
-    information: Literal["surface", "covariance"] = "surface"
+    information_matrix: Literal["surface", "covariance"] = "surface"
     # sizes that are None follow from the first scan, see slam/cell_sizes.py; cells are coarse to fine
     cell_sizes: tuple[float, ...] | None = None  # m; None: 1.5 times the finest, and the finest
     voxel_size: float | None = Field(None, ge=0.01)  # m, downsampling for registration; aliases near a cell's size
@@ -51,9 +52,9 @@ class OdometrySettings(Settings):
     neighbours: Literal[1, 7] = 1  # Gaussians that a point is matched with; 7 if the target is a single scan
     min_points: int = Field(5, ge=3)  # a cell with fewer points has no Gaussian
     max_points: int = Field(1000, ge=3)  # a cell with this many is final: bounds the time, also of a standing vehicle
-    floor: float = Field(0.003, gt=0)  # smallest eigenvalue of a cell's covariance by its trace: bounds the confidence
+    regularisation: float = Field(0.003, gt=0)  # share of a cell covariance's trace on its diagonal: bounds confidence
     full_weight_sigma: float = Field(0.5, gt=0)  # m; points with a larger sigma weigh less, by the ratio squared
-    kernel: float = Field(1.0, gt=0)  # scale of the Cauchy kernel, Mahalanobis distance; insensitive from 0.5 to 3
+    kernel_scale: float = Field(1.0, gt=0)  # of the Cauchy kernel, Mahalanobis distance; insensitive from 0.5 to 3
     max_iterations: int = Field(12, ge=1)  # at the finest level; 3 are typical
     map_radius: float = Field(100.0, gt=0)  # m around the sensor; the local map drops cells beyond
     min_inlier_ratio: float = Field(0.25, ge=0, le=1)  # below it a registration has failed

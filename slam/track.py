@@ -440,9 +440,9 @@ def _target(settings: OdometrySettings, cell_sizes: tuple[float, ...]) -> Target
         cell_sizes,
         min_points=settings.min_points,
         max_points=settings.max_points,
-        floor=settings.floor,
-        surfaces=settings.information == "surface",
+        regularisation=settings.regularisation,
+        surfaces=settings.information_matrix == "surface",
         neighbours=settings.neighbours,
-        kernel=settings.kernel,
+        kernel_scale=settings.kernel_scale,
         max_iterations=settings.max_iterations,
     )

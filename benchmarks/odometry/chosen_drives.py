@@ -88,7 +88,7 @@ def _opened(name: str, frames: str | None, images: bool, trajectories: Path | No
     numbers = frame_numbers(name, chosen)
     if not numbers:
         raise InputError(
-            f"{name}: no frames in {frames}; the drive has {len(frame_numbers(name, slice(None)))}, from 0"
+            f"{name}: no frames in {frames}; the sequence has {len(frame_numbers(name, slice(None)))}, from 0"
         )
     images &= SCENES[name].settings.sensor == "hdl64"  # sparser sensors are filled in without
     data = scene(name, images or None, numbers)

@@ -1,14 +1,14 @@
-"""Whether the covariance of an odometry is true: normalised estimation error squared (NEES) of its motions."""
+"""Whether the covariances of an odometry's motions are consistent: NEES from frame to frame."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from eval import consistency
 from slam.data import se3
 from slam.data.cloud import Array
 
 START = 5  # motions that do not count: the first maps
-AXES = ("roll", "pitch", "yaw", "x", "y", "z")  # of a tangent vector
 
 
 def motion_errors(poses: Array, truth: Array) -> Array:
@@ -20,20 +20,14 @@ def motion_errors(poses: Array, truth: Array) -> Array:
 def nees(poses: Array, covariances: Array, truth: Array) -> float:
     """Compute the mean NEES per degree of freedom, 1 for consistent covariances.
 
-    Bar-Shalom et al., Estimation with Applications to Tracking and Navigation, 5.4.2.
-
     Args:
         poses: (N, 4, 4).
         covariances: (N, 6, 6), each of pose @ exp(xi) given the pose before, xi = (rotation, translation).
         truth: (N, 4, 4).
     """
-    errors = motion_errors(poses, truth)[START:]
-    values = [xi @ np.linalg.solve(C, xi) / 6 for xi, C in zip(errors, covariances[1 + START :], strict=True)]
-    return float(np.mean(values))
+    return consistency.nees(motion_errors(poses, truth)[START:], covariances[1 + START :])
 
 
 def nees_by_axis(poses: Array, covariances: Array, truth: Array) -> dict[str, float]:
-    """The same along each of AXES alone: mean of squared error by variance."""
-    errors = motion_errors(poses, truth)[START:]
-    variances = np.diagonal(covariances, axis1=1, axis2=2)[1 + START :]
-    return dict(zip(AXES, (errors**2 / variances).mean(axis=0).tolist(), strict=True))
+    """The same along each of `AXES` alone: mean of squared error by variance."""
+    return consistency.nees_by_axis(motion_errors(poses, truth)[START:], covariances[1 + START :])

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from benchmarks.common.page import table, target, verdict, without_about
-from benchmarks.odometry.nees import AXES
 from eval.text import number
+from slam.data.covariance_file import AXES
 
 #: What there is along the road of a frame: nothing within reach; in the same tube, but one of its ends within reach;
 #: what looks the same again after a period; all that a town has.

@@ -58,7 +58,7 @@ def measured(data: Dataset, preset: str | None, channels: str) -> dict[str, Any]
     config = load_config(preset, input=channels)
     compile_kernels(config, lambda: None)
     run = Pipeline(config).run(data)
-    pooled = channels == "16" and config.front_end.drop == "average-pool"
+    pooled = channels == "16" and config.front_end.ring_selection == "average-pool"
     return {"input": f"{channels}, pooled" if pooled else channels} | figures(run)
 
 

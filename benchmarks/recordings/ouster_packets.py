@@ -21,7 +21,7 @@ from benchmarks.common.page import surroundings, write_results
 from benchmarks.common.script import add_results, parser, run_script
 from slam.data.cloud import Array
 from slam.data.errors import InputError
-from slam.data.packets.dataset import PacketDrive
+from slam.data.packets.dataset import PacketSequence
 from slam.data.packets.ouster import decode
 from slam.data.packets.ouster_metadata import PROFILES, Metadata, parse_metadata
 
@@ -65,7 +65,7 @@ def _by_sdk(python: Path, source: object, metadata: Path) -> dict[str, Array]:
 
 def _recording(python: Path, capture: Path) -> dict[str, Any]:
     theirs = _by_sdk(python, capture, _beside(capture))
-    drive = PacketDrive(capture)
+    drive = PacketSequence(capture)
     ours = [drive.recorded(position) for position in range(len(drive))]
     starts = theirs["time"][np.cumsum([0, *theirs["count"][:-1]])]
     times = [points["t"] - points["t"][0] + start for points, start in zip(ours, starts, strict=True)]

@@ -107,9 +107,9 @@ def _rosbags(path: Path, scans: int, on_scan: Callable[[], None], read: bool) ->
 
 
 def _clouds(path: Path, scans: int, on_scan: Callable[[], None], last: int | None = None) -> None:
-    from slam.data.recordings.dataset import RecordedDrive
+    from slam.data.recordings.dataset import RecordedSequence
 
-    data = RecordedDrive(path, start=None if last is None else PERIOD * (int(path.parent.name) - last - 0.5))
+    data = RecordedSequence(path, start=None if last is None else PERIOD * (int(path.parent.name) - last - 0.5))
     for number in range(min(len(data), scans)):
         len(data[number].cloud)
         on_scan()

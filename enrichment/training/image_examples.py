@@ -168,12 +168,12 @@ def require_crop(packs: Sequence[Pack], crop: tuple[int, int]) -> None:
     """
     for pack in packs:
         first = 0
-        for drive in pack.drives:
+        for sequence in pack.sequences:
             height, width = pack[first].target.shape
             if crop[0] > height or crop[1] > width:
-                fault = f"{drive.name} has images of {height}x{width} at scale {pack.scale:g}"
+                fault = f"{sequence.name} has images of {height}x{width} at scale {pack.scale:g}"
                 raise InputError(f"{pack.path}: {fault}; choose a --crop that is not larger")
-            first += len(drive.frames)
+            first += len(sequence.frames)
 
 
 def _example(image: Array, depth: Array, target: Array) -> Example:

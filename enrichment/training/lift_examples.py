@@ -46,16 +46,16 @@ class TrainingScans(Examples[LiftExample]):
     An example has CROP columns; half of those with an image are in the camera's field of view.
 
     Args:
-        drives: The sequences.
+        sequences: The sequences.
         own_rings: Treat a sensor of 64 lines as one with every fourth of them, and use only these as targets.
         seed: Random seed.
         first: Number of the first example.
         count: Number of examples.
     """
 
-    def __init__(self, drives: Sequence[Dataset], own_rings: bool, seed: int, first: int, count: int) -> None:
-        self._drives, self._own_rings = drives, own_rings
-        self._places = [(drive, k) for drive in drives for k in range(len(drive))]
+    def __init__(self, sequences: Sequence[Dataset], own_rings: bool, seed: int, first: int, count: int) -> None:
+        self._sequences, self._own_rings = sequences, own_rings
+        self._places = [(sequence, k) for sequence in sequences for k in range(len(sequence))]
         self._seed, self._first, self._count = seed, first, count
 
     def __len__(self) -> int:
@@ -63,10 +63,10 @@ class TrainingScans(Examples[LiftExample]):
 
     def __getitem__(self, index: int) -> LiftExample:
         place, rng = shuffled(self._seed, self._first + index, len(self._places))
-        drive, k = self._places[place]
-        frame, sensor = drive[k], drive.sensor
+        sequence, k = self._places[place]
+        frame, sensor = sequence[k], sequence.sensor
         assert sensor is not None
-        past = random_past(drive, k, rng)
+        past = random_past(sequence, k, rng)
         image = None if frame.image is None or rng.random() < NO_IMAGE else colour_jitter(frame.image, rng)
         if image is None:
             factor = MAX_SCALE ** rng.uniform(-1, 1)
@@ -83,28 +83,28 @@ class ValidationScans(Examples[LiftExample]):
     """Validation examples: all scans with image and history, every `ring_step`-th ring as input, as in a run.
 
     Args:
-        drives: The sequences.
+        sequences: The sequences.
     """
 
-    def __init__(self, drives: Sequence[Dataset]) -> None:
-        self._places = [(drive, k) for drive in drives for k in range(len(drive))]
+    def __init__(self, sequences: Sequence[Dataset]) -> None:
+        self._places = [(sequence, k) for sequence in sequences for k in range(len(sequence))]
 
     def __len__(self) -> int:
         return len(self._places)
 
     def __getitem__(self, index: int) -> LiftExample:
-        drive, k = self._places[index]
-        frame, sensor = drive[k], drive.sensor
+        sequence, k = self._places[index]
+        frame, sensor = sequence[k], sequence.sensor
         assert sensor is not None
         rings = np.arange(sensor.ring_count)
         kept = rings % ring_step(sensor) == 0
-        return example(frame, sensor, rings[kept], rings[~kept], frame.image, past_of(drive, k))
+        return example(frame, sensor, rings[kept], rings[~kept], frame.image, past_of(sequence, k))
 
 
-def random_past(drive: Dataset, position: int, rng: np.random.Generator) -> History:
+def random_past(sequence: Dataset, position: int, rng: np.random.Generator) -> History:
     """Return a random number of earlier scans, with relative poses that have the errors of predicted ones."""
     count = 0 if rng.random() < NO_PAST else int(rng.integers(1, HISTORY + 1))
-    return [(then, _misplaced(T_now_then, rng)) for then, T_now_then in past_of(drive, position, count)]
+    return [(then, _misplaced(T_now_then, rng)) for then, T_now_then in past_of(sequence, position, count)]
 
 
 def _misplaced(T_now_then: Array, rng: np.random.Generator) -> Array:

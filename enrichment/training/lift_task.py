@@ -42,7 +42,7 @@ class LiftTask:
     """A `Task` for Lift.
 
     Attributes:
-        drives: Sequences for training.
+        sequences: Sequences for training.
         validation: Sequences for validation.
         own_rings: Use only the rings of a sparse LiDAR itself: some of its rings predict the others.
 
@@ -50,24 +50,24 @@ class LiftTask:
         InputError: The sensor model of a sequence is unknown.
     """
 
-    drives: Sequence[Dataset]
+    sequences: Sequence[Dataset]
     validation: Sequence[Dataset]
     own_rings: bool = False
     clip = CLIP
     collate = staticmethod(_as_they_are)
 
     def __post_init__(self) -> None:
-        for drive in (*self.drives, *self.validation):
-            if drive.sensor is None or drive[0].cloud.ring is None:
-                raise InputError(f"{drive.path}: the sensor model is unknown; add a sensor.yaml to the folder")
+        for sequence in (*self.sequences, *self.validation):
+            if sequence.sensor is None or sequence[0].cloud.ring is None:
+                raise InputError(f"{sequence.path}: the sensor model is unknown; add a sensor.yaml to the folder")
 
     @property
     def digest(self) -> str:
         """Digest of the data."""
         digest = hashlib.sha256(repr(self.own_rings).encode())
-        for use, drives in (("training", self.drives), ("validation", self.validation)):
-            for drive in drives:
-                digest.update(repr((use, drive.name)).encode() + drive.numbers.tobytes())
+        for use, sequences in (("training", self.sequences), ("validation", self.validation)):
+            for sequence in sequences:
+                digest.update(repr((use, sequence.name)).encode() + sequence.numbers.tobytes())
         return digest.hexdigest()[:16]
 
     @property
@@ -81,7 +81,7 @@ class LiftTask:
 
     def training_examples(self, plan: Plan, first: int, count: int) -> TrainingScans:
         """Return `count` training examples from number `first` on."""
-        return TrainingScans(self.drives, self.own_rings, plan.seed, first, count)
+        return TrainingScans(self.sequences, self.own_rings, plan.seed, first, count)
 
     def validation_examples(self) -> ValidationScans:
         """Return the validation examples."""
@@ -109,4 +109,4 @@ class LiftTask:
 
     def card(self, plan: Plan, step: int, best: Figures | None, parameters: int, command: str) -> str:
         """Return the model card in Markdown."""
-        return lift_card(plan, step, best, parameters, self.drives, self.validation, self.own_rings, command)
+        return lift_card(plan, step, best, parameters, self.sequences, self.validation, self.own_rings, command)

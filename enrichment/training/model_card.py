@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from enrichment.training.checkpoint import Figures
 from enrichment.training.licence import KITTI, licence_of
-from enrichment.training.pack import Pack, PackedDrive
+from enrichment.training.pack import Pack, PackedSequence
 from enrichment.training.plan import Plan
 from slam.data.dataset import Dataset
 
@@ -18,9 +18,9 @@ image's resolution. Output: depth in metres at the same pixels.
 
 ## Data
 
-| drive | used for | frames | target depth | licence |
+| sequence | used for | frames | target depth | licence |
 |---|---|---|---|---|
-{drives}
+{sequences}
 
 The input rings are drawn at random for each example: most often every 4th of 64, with a random first one. The target
 has the returns of all rings.
@@ -47,9 +47,9 @@ lidarlift, {parameters:,} parameters. Input and output: `enrichment.lift.feature
 
 ## Data
 
-| drive | used for | scans | licence |
+| sequence | used for | scans | licence |
 |---|---|---|---|
-{drives}
+{sequences}
 
 {rings}
 
@@ -97,12 +97,13 @@ def model_card(
         validation: Packs for validation.
         command: The command that trained them.
     """
-    used = [(drive, use) for use, some in (("training", packs), ("validation", validation)) for drive in _drives(some)]
+    uses = (("training", packs), ("validation", validation))
+    used = [(sequence, use) for use, some in uses for sequence in _sequences(some)]
     return TEMPLATE.format(
         model=plan.model,
         parameters=parameters,
         scale=packs[0].scale,
-        drives="\n".join(_row(drive, use) for drive, use in used),
+        sequences="\n".join(_row(sequence, use) for sequence, use in used),
         command=command,
         step=step,
         steps=plan.steps,
@@ -113,8 +114,8 @@ def model_card(
         seed=plan.seed,
         absolute=plan.absolute,
         precision="convolutions in bfloat16" if plan.bf16 else "float32",
-        figures=_figures(best, sum(len(drive.frames) for drive in _drives(validation)), "frames"),
-        licence=NON_COMMERCIAL if any(drive.licence == KITTI for drive, _ in used) else OTHER,
+        figures=_figures(best, sum(len(sequence.frames) for sequence in _sequences(validation)), "frames"),
+        licence=NON_COMMERCIAL if any(sequence.licence == KITTI for sequence, _ in used) else OTHER,
     )
 
 
@@ -123,16 +124,17 @@ def lift_card(
     step: int,
     best: Figures | None,
     parameters: int,
-    drives: Sequence[Dataset],
+    sequences: Sequence[Dataset],
     validation: Sequence[Dataset],
     own_rings: bool,
     command: str,
 ) -> str:
     """Format the model card of Lift, as `model_card`; `own_rings`: trained on the rings of a sparse LiDAR only."""
-    used = [(drive, use) for use, some in (("training", drives), ("validation", validation)) for drive in some]
+    uses = (("training", sequences), ("validation", validation))
+    used = [(sequence, use) for use, some in uses for sequence in some]
     return LIFT.format(
         parameters=parameters,
-        drives="\n".join(f"| {drive.name} | {use} | {len(drive)} | {licence_of(drive)} |" for drive, use in used),
+        sequences="\n".join(f"| {data.name} | {use} | {len(data)} | {licence_of(data)} |" for data, use in used),
         rings=OWN_RINGS if own_rings else ALL_RINGS,
         command=command,
         step=step,
@@ -141,17 +143,17 @@ def lift_card(
         rate=plan.highest_rate,
         seed=plan.seed,
         precision="convolutions in bfloat16" if plan.bf16 else "float32",
-        figures=_figures(best, sum(len(drive) for drive in validation), "scans"),
-        licence=NON_COMMERCIAL if any(licence_of(drive) == KITTI for drive, _ in used) else OTHER,
+        figures=_figures(best, sum(len(sequence) for sequence in validation), "scans"),
+        licence=NON_COMMERCIAL if any(licence_of(sequence) == KITTI for sequence, _ in used) else OTHER,
     )
 
 
-def _drives(packs: Sequence[Pack]) -> list[PackedDrive]:
-    return [drive for pack in packs for drive in pack.drives]
+def _sequences(packs: Sequence[Pack]) -> list[PackedSequence]:
+    return [sequence for pack in packs for sequence in pack.sequences]
 
 
-def _row(drive: PackedDrive, use: str) -> str:
-    return f"| {drive.name} | {use} | {len(drive.frames)} | {drive.target} | {drive.licence} |"
+def _row(sequence: PackedSequence, use: str) -> str:
+    return f"| {sequence.name} | {use} | {len(sequence.frames)} | {sequence.target} | {sequence.licence} |"
 
 
 def _figures(best: Figures | None, count: int, what: str) -> str:
@@ -160,5 +162,5 @@ def _figures(best: Figures | None, count: int, what: str) -> str:
     return (
         f"On the {count} {what} for validation, at returns off the rings that are the input, means over {what}: "
         f"MAE {1000 * best.mae:.0f} mm, RMSE {1000 * best.rmse:.0f} mm. These weights were chosen by that "
-        "MAE, so it is a little lower than on other drives."
+        "MAE, so it is a little lower than on other sequences."
     )

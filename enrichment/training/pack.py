@@ -31,7 +31,7 @@ REMEDY = "delete it, and it is packed again from its sequences"
 
 
 @dataclass(frozen=True)
-class PackedDrive:
+class PackedSequence:
     """Description of a packed sequence.
 
     Attributes:
@@ -58,7 +58,7 @@ class Pack:
     Attributes:
         scale: Cells per pixel.
         digest: Digest of the packed data.
-        drives: The packed sequences.
+        sequences: The packed sequences.
 
     Raises:
         InputError: The file is not a pack.
@@ -70,8 +70,8 @@ class Pack:
             with path.open("rb") as content, np.load(content, allow_pickle=False) as file:
                 about = _about(file)
                 self.scale, self.digest = float(about["scale"]), str(about["digest"])
-                self.drives = tuple(_drive(entry) for entry in about["drives"])
-                self._steps = [drive.ring_step for drive in self.drives for _ in drive.frames]
+                self.sequences = tuple(_sequence(entry) for entry in about["drives"])
+                self._steps = [sequence.ring_step for sequence in self.sequences for _ in sequence.frames]
                 self._frames = [_frame(file, k) for k in range(len(self._steps))]
         except FileNotFoundError as error:
             raise InputError(f"{path}: no such file; expected a pack or the folder of a sequence") from error
@@ -109,20 +109,20 @@ def packed(path: Path, sources: Sequence[Source], on_frame: Callable[[], None] =
             raise InputError(f"{path}: packed from other sequences or settings; delete it, or choose another file")
         return pack
     arrays: dict[str, Array] = {}
-    drives = []
+    sequences = []
     for source in sources:
-        drive = _encode(source, arrays, on_frame)
-        if not drive.frames:
+        sequence = _encode(source, arrays, on_frame)
+        if not sequence.frames:
             raise InputError(f"{source.data.path}: no frame has both an image and ring indices; training needs both")
-        drives.append(asdict(drive))
-    about = {"version": VERSION, "scale": sources[0].scale, "digest": digest, "drives": drives}
+        sequences.append(asdict(sequence))
+    about = {"version": VERSION, "scale": sources[0].scale, "digest": digest, "drives": sequences}
     arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
     with written_beside(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # numpy's stub has no place for names
     return Pack(path)
 
 
-def _encode(source: Source, arrays: dict[str, Array], on_frame: Callable[[], None]) -> PackedDrive:
+def _encode(source: Source, arrays: dict[str, Array], on_frame: Callable[[], None]) -> PackedSequence:
     """Add the samples of a sequence to `arrays`."""
     data, frames, first = source.data, list[int](), len(arrays) // 3
     for number, sample in zip(data.numbers, source, strict=True):
@@ -134,7 +134,7 @@ def _encode(source: Source, arrays: dict[str, Array], on_frame: Callable[[], Non
             arrays[f"{name}/target"] = cv2.imencode(".png", np.round(sample.target * DEPTH_SCALE).astype(np.uint16))[1]
         on_frame()
     assert data.sensor is not None
-    return PackedDrive(data.name, tuple(frames), ring_step(data.sensor), source.target, licence_of(data))
+    return PackedSequence(data.name, tuple(frames), ring_step(data.sensor), source.target, licence_of(data))
 
 
 def _digest(sources: Sequence[Source]) -> str:
@@ -154,8 +154,8 @@ def _about(file: Any) -> dict[str, Any]:
     return dict(about)
 
 
-def _drive(entry: dict[str, Any]) -> PackedDrive:
-    return PackedDrive(**{**entry, "frames": tuple(entry["frames"])})
+def _sequence(entry: dict[str, Any]) -> PackedSequence:
+    return PackedSequence(**{**entry, "frames": tuple(entry["frames"])})
 
 
 def _frame(file: Any, k: int) -> tuple[Array, Array, Array]:

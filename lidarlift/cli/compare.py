@@ -1,7 +1,8 @@
-"""`lidarlift compare`: one sequence at 16 channels, enriched and at 64 channels."""
+"""`lidarlift compare`: one sequence at 16 channels, enriched and at 64; or finished runs and other trajectories."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +12,6 @@ import typer
 from lidarlift.cli.arguments import (
     ColumnsOption,
     ConfigOption,
-    DatasetArgument,
     DurationOption,
     EnricherOption,
     FramesOption,
@@ -30,13 +30,22 @@ from lidarlift.cli.arguments import (
 )
 from lidarlift.cli.console import Console
 from lidarlift.comparing import available_inputs, compare_into, comparison_title, rows_for
+from lidarlift.comparing_trajectories import compared, is_of_trajectories
+from slam.data.errors import InputError
 
 if TYPE_CHECKING:
     from eval.compare import Comparison
 
 
 def compare(
-    dataset: DatasetArgument,
+    paths: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="DATASET | TRAJECTORY TRAJECTORY ...",
+            help="A data set, as for `lidarlift run`; or run folders, trajectory files (KITTI, TUM, EuRoC) and topics "
+            "of recordings (drive.bag:/odom), each as PATH or LABEL=PATH.",
+        ),
+    ],
     sequence: SequenceOption = None,
     enricher: EnricherOption = None,
     config: ConfigOption = None,
@@ -51,17 +60,51 @@ def compare(
     truth_topic: TruthTopicOption = None,
     start: StartOption = None,
     duration: DurationOption = None,
-    out: Annotated[Path | None, typer.Option(help="The folder for the runs. Default: runs/NAME-compared.")] = None,
+    reference: Annotated[
+        str | None,
+        typer.Option(help="Of trajectories: a trajectory or a data set. Default: the runs' ground truth."),
+    ] = None,
+    calib: Annotated[
+        Path | None, typer.Option(help="Of trajectories: KITTI calib.txt, transforms those of camera 0 into the LiDAR.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The folder for the results. Default: runs/NAME-compared.")] = None,
     strict: StrictOption = False,
 ) -> None:
-    """Run a data set with 16 channels, with these enriched, and with 64, and compare: one run folder each.
+    """Compare 16 channels, these enriched, and 64 on a data set; or finished runs and trajectories of other systems.
 
     Example: `lidarlift compare kitti/sequences/04 --frames 0:50 --out runs/04`
 
-    If the enricher is not ray-segment, ray-segment gets a row as well: it needs no training.
+    Example: `lidarlift compare runs/mine KISS=kiss_poses.txt GLIM=glim.txt --reference truth_tum.txt`
+
+    A data set is run three times, into a folder each; if the enricher is not ray-segment, ray-segment gets a row as
+    well: it needs no training. One PATH is a data set, unless it is a run folder, a trajectory file or
+    RECORDING:TOPIC; several are finished runs and trajectories.
     """
     from slam.data.dataset import open_dataset
 
+    given = {
+        "--enricher": enricher,
+        "--config": config,
+        "--set": set_,
+        "--frames": None if frames == ":" else frames,
+        "--sensor": sensor,
+        "--stamp": stamp,
+        "--point-time": point_time,
+        "--columns": columns,
+        "--topic": topic,
+        "--image-topic": image_topic,
+        "--start": start,
+        "--duration": duration,
+        "--strict": strict or None,
+    }
+    if is_of_trajectories(paths, reference):
+        for option, value in given.items():
+            if value is not None:
+                raise InputError(f"{option} is for a data set; finished runs and trajectories are read as they are")
+        _compare_trajectories(paths, reference, sequence, truth_topic, calib, out)
+        return
+    if calib is not None:
+        raise InputError(f"--calib {calib}: is for finished runs and trajectories, and {paths[0]} is a data set")
     said: dict[str, Any] = {
         "stamp": stamp and stamp.value,
         "point_time": point_time,
@@ -72,11 +115,29 @@ def compare(
         "start": seconds(start, "--start"),
         "duration": seconds(duration, "--duration"),
     }
-    data = open_dataset(dataset, sequence, sensor, **said)
+    data = open_dataset(paths[0], sequence, sensor, **said)
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
     rows, chosen = rows_for(available_inputs(data), enricher, config, set_ or ()), frame_slice(frames)
     comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)
     print_comparison(comparison, comparison_title(data, rows, chosen), folder, rows)
+
+
+def _compare_trajectories(
+    paths: list[str],
+    reference: str | None,
+    sequence: str | None,
+    truth_topic: str | None,
+    calib: Path | None,
+    out: Path | None,
+) -> None:
+    from eval.sources import labelled, source_of
+    from eval.tables import format_comparison
+
+    labels = [source.label for source in labelled([source_of(path) for path in paths])]
+    folder = out or Path("runs") / f"{'-'.join(re.sub('[^A-Za-z0-9._]+', '-', label) for label in labels[:3])}-compared"
+    comparison, title = compared(paths, folder, reference, sequence, truth_topic, calib)
+    print(f"{title}\n\n{format_comparison(comparison)}")
+    print(f"{folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")
 
 
 def print_comparison(comparison: Comparison, title: str, folder: Path, rows: Iterable[str]) -> None:

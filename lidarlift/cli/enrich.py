@@ -55,8 +55,8 @@ def enrich(
 
     Example: `lidarlift enrich kitti/sequences/04 --out enriched/04 --frames 0:10 --format ply`
 
-    64-ring scans are reduced to every fourth ring (front_end.phase, front_end.drop); scans of other sensors keep all
-    rings. The clouds are neither deskewed nor vertically corrected.
+    64-ring scans are reduced to every fourth ring (front_end.phase, front_end.ring_selection); scans of other sensors
+    keep all rings. The clouds are neither deskewed nor vertically corrected.
     """
     from slam.data.dataset import open_dataset
     from slam.data.images import found_in_reading

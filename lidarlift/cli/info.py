@@ -30,14 +30,14 @@ def info(
 ) -> None:
     """Show the content of a data set: scans, rate, rings, fields, times, camera, ground truth, gaps, and how to run it.
 
-    Example: `lidarlift info my_drive`
+    Example: `lidarlift info my_sequence`
 
     For a folder with several sequences, they are listed; `--sequence` selects one.
     """
     from lidarlift.inspecting import info as inspect_data_set
-    from slam.data.dataset import drives_in
+    from slam.data.dataset import sequences_in
 
-    names = drives_in(dataset)
+    names = sequences_in(dataset)
     if sequence is None and len(names) > 1 and not json_:
         print(_several(dataset, names))
         return

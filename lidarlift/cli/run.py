@@ -89,6 +89,8 @@ def run(
     if metrics:
         closed = {"slam": metrics.slam} if report["loops"]["accepted"] else {}  # identical without loops
         print(format_metrics({**closed, "odometry": metrics.odometry}))
+        if metrics.nees:
+            print(f"NEES of the poses: {metrics.nees.pose:.2f} (1 where trajectory_covariance.csv is consistent)")
     else:
         print("No ground truth, so no ATE, RPE or drift.")
     print(f"Written to {folder}: {', '.join(sorted(file.name for file in folder.iterdir()))}")

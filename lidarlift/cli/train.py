@@ -50,7 +50,7 @@ train = typer.Typer(
     no_args_is_help=True,
     help="""Train a network on sequences: its input is some rings of a scan, its target the returns of the other rings.
 
-    Example: `lidarlift train lift my_drive --self-supervised`
+    Example: `lidarlift train lift my_sequence --self-supervised`
 
     The best weights are written as ONNX and safetensors, with a model card. Training requires the extra `train`:
     `pip install 'lidarlift[train]'`.
@@ -93,7 +93,7 @@ def lift(
 ) -> None:
     """Train Lift, or fine-tune it to your LiDAR without ground truth.
 
-    Example: `lidarlift train lift my_drive other_drive --validate third --epochs 10`
+    Example: `lidarlift train lift my_sequence other_sequence --validate third --epochs 10`
 
     Images and poses are used if the sequence has them.
     """
@@ -103,7 +103,7 @@ def lift(
     task = lift_task(datasets, validate or [], self_supervised)
     if self_supervised:
         options = replace(options, start=start or shipped_weights(LIFT), rate=rate or ADAPTING_RATE)
-    _train(options.plan(LIFT, sum(len(drive) for drive in task.drives)), task, options)
+    _train(options.plan(LIFT, sum(len(sequence) for sequence in task.sequences)), task, options)
 
 
 @train.command()
@@ -141,7 +141,7 @@ def depth(
 ) -> None:
     """Train one of the paper's depth completion networks.
 
-    Example: `lidarlift train depth f2l-light drives/0005 drives/0013 --validate drives/0009 --epochs 10`
+    Example: `lidarlift train depth f2l-light sequences/0005 sequences/0013 --validate sequences/0009 --epochs 10`
 
     Neighbouring scans densify the targets if poses are known (ground truth or --poses). A sequence that was simulated
     --with-depth has exact targets, KITTI's stereo 2015 has its disparity. Sequences are packed once; the pack can be

@@ -1,4 +1,4 @@
-"""A drive as a sequence of frames, and the door to all kinds of them."""
+"""Data sets as sequences of frames, and `open_dataset`, which finds the loader of a path."""
 
 from __future__ import annotations
 
@@ -16,66 +16,82 @@ from slam.data.sensor import Sensor
 
 
 class Dataset(Protocol):
-    """N frames of a drive; `dataset[i]` reads the i-th from disk, keeps nothing, and may be called from any thread.
+    """A sequence of N frames; `dataset[i]` reads the i-th from disk, keeps nothing, and may be called from any thread.
 
-    name          for tables and run.json, like 'KITTI odometry 04'
-    path          the folder it was read from
-    sensor        the LiDAR's laser lines, or None where nobody said which LiDAR it was
-    calibration   the camera beside it, or None
-    numbers       (N,) int64, the numbers in the file names: Frame.index
-    stamps        (N,) float64, seconds, rising
-    ground_truth  (N, 4, 4) float64 T_world_lidar, the first known one identity, NaN where unknown; or None
-    problems      what is wrong with the data set as a whole; `Frame.problems` is for single scans
+    Data sets of this package also have:
 
-    Those of this package also have `point_times`, the verdict on the points' times (`PointTimes`), `stamps_from`, the
-    place that stamps are from, of a recording the `topics` in use, and where they tell more than the fields above
-    `scan_period` [s], the usual step between scans, and `rings`, how many the LiDAR has by the files' numbers;
-    `points(position)`, a scan as its file has it; `images`, the file of each scan's image, or None; `folders` that the
-    drive is read from; and a folder `truth_readings` (see `GroundTruth`).
+    - `point_times`: the interpretation of the points' times (`PointTimes`);
+    - `stamps_from`: the source of the stamps;
+    - `topics`: the topics in use, if the data set is a recording;
+    - `scan_period`: the usual time between scans [s], and `rings`: the number of rings counted in the files, where
+      these say more than the properties below;
+    - `points(position)`: a scan as its file contains it;
+    - `images`: the file of each scan's image, or None;
+    - `folders`: the folders that are read;
+    - `truth_readings`: the readings of an ambiguous ground truth, if the data set is a folder (see `GroundTruth`).
     """
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name for tables and run.json, such as 'KITTI odometry 04'."""
+
     @property
-    def path(self) -> Path: ...
+    def path(self) -> Path:
+        """The folder or file of the sequence."""
+
     @property
-    def sensor(self) -> Sensor | None: ...
+    def sensor(self) -> Sensor | None:
+        """Laser lines of the LiDAR, None if the sensor model is unknown."""
+
     @property
-    def calibration(self) -> Calibration | None: ...
+    def calibration(self) -> Calibration | None:
+        """Calibration of the camera, or None."""
+
     @property
-    def numbers(self) -> Array: ...
+    def numbers(self) -> Array:
+        """(N,) int64, the numbers in the file names: `Frame.index`."""
+
     @property
-    def stamps(self) -> Array: ...
+    def stamps(self) -> Array:
+        """(N,) float64, strictly increasing [s]."""
+
     @property
-    def ground_truth(self) -> Array | None: ...
+    def ground_truth(self) -> Array | None:
+        """(N, 4, 4) float64 T_world_lidar, the first known pose the identity, NaN where unknown; or None."""
+
     @property
-    def problems(self) -> tuple[Problem, ...]: ...
+    def problems(self) -> tuple[Problem, ...]:
+        """Problems of the data set as a whole; those of single scans are in `Frame.problems`."""
 
     def __len__(self) -> int: ...
     def __getitem__(self, position: int) -> Frame: ...
 
 
 class Loader(Protocol):
-    """A class of data sets, as `DATASETS` names it.
+    """A class of data sets, as DATASETS names it.
 
     Attributes:
-        LAYOUT: The files by which it is recognised, for the message where nothing fits.
+        LAYOUT: The files by which the loader recognises a data set, for the message if no loader fits.
     """
 
     LAYOUT: str
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
-        """The drives at or under a path by their names; none where it is something else.
+    def sequences(path: Path) -> dict[str, Path]:
+        """Find the sequences at or under a path, by name; none if the path is of another kind.
 
-        A path that is one drive without a name to choose it by gives {"": path}.
+        A path that is a single sequence, which needs no name, gives {"": path}.
         """
         ...
 
     def __call__(self, path: Path, sensor: str | Path | None, **said: Any) -> Dataset:
-        """The data set of a drive; `sensor` overrides what its folder says (see `load_sensor`).
+        """Open a sequence.
 
-        A loader may take `stamp`, `point_time` and `columns` by name, as `open_dataset` does.
+        Args:
+            path: The sequence, one of `sequences`.
+            sensor: Overrides the sensor model of the folder (see `load_sensor`).
+            **said: The options of `open_dataset` that the loader has as parameters, such as `stamp`, `point_time` and
+                `columns`.
         """
         ...
 
@@ -96,8 +112,8 @@ DATASETS = Registry[Dataset](
         "newer-college": "slam.data.loaders.newer_college:NewerCollege",
         "paris-luco": "slam.data.loaders.paris_luco:ParisLuco",
         "argoverse-2": "slam.data.loaders.argoverse_2:Argoverse2",
-        "recording": "slam.data.recordings.dataset:RecordedDrive",
-        "packets": "slam.data.packets.dataset:PacketDrive",
+        "recording": "slam.data.recordings.dataset:RecordedSequence",
+        "packets": "slam.data.packets.dataset:PacketSequence",
         FOLDER: "slam.data.folder:UserFolder",
     },
     "lidarlift.datasets",
@@ -118,65 +134,79 @@ def open_dataset(
     start: float | None = None,
     duration: float | None = None,
 ) -> Dataset:
-    """The drive at a path: a data set that is known by its folders, a recording, a packet capture, a kind that another
-    package adds, or a folder of scans.
+    """Open a sequence: of a known data set, a recording, a packet capture, or a folder of scans.
 
     Args:
-        path: The root of one of DATASETS or one of its drives (each class says how they are laid out); a recording, the
-            file or its folder (`RecordedDrive`); a packet capture (`PacketDrive`); or a folder of scans of the user's
-            own (`UserFolder`).
-        sequence: Picks one where there are several ('04'; '0005'; 'scene-0061').
-        sensor: Overrides what the folder says of the LiDAR (see `load_sensor`).
-        stamp: The instant of a sweep that the stamps belong to, 'start', 'middle' or 'end'; by default sensor.yaml's
-            or what the points' times tell.
-        point_time: The field with the points' times, FIELD or FIELD:UNIT ('t:ns'); by default likewise.
-        columns: What the numbers in the .bin or .npy scans of a folder are, as in 'x,y,z,intensity,ring,time': float32,
-            or of the type behind a colon, 't:u4'; '_' for one of no use. By default the numbers have to tell.
-        topic: Of a recording, the scans' topic, and
-        image_topic: the images', and
-        truth_topic: that of the true poses; by default found (see `RecordedDrive`).
-        start: Seconds of a recording that are left out at its start, and
-        duration: of those that are used.
+        path: The root of a data set of DATASETS or one of its sequences (each class documents the layout); a recording,
+            the file or its folder (`RecordedSequence`); a packet capture (`PacketSequence`); or a folder of scans
+            (`UserFolder`).
+        sequence: Name or number of the sequence, if there are several ('04'; '0005'; 'scene-0061').
+        sensor: Overrides the sensor model of the folder (see `load_sensor`).
+        stamp: Instant of the sweep that the stamps refer to, 'start', 'middle' or 'end'. Default: as sensor.yaml or
+            the points' times say.
+        point_time: Field with the points' times, FIELD or FIELD:UNIT ('t:ns'). Default: as sensor.yaml says, or the
+            first field that can be times.
+        columns: Columns of the .bin or .npy scans of a folder, as in 'x,y,z,intensity,ring,time': float32, or the
+            type after a colon, 't:u4'; '_' for an unused column. Default: estimated from the values.
+        topic: Topic of the scans in a recording. Default: see `RecordedSequence`, as for the two below.
+        image_topic: Topic of the images.
+        truth_topic: Topic of the true poses.
+        start: Seconds skipped at the start of a recording.
+        duration: Seconds of a recording that are used.
 
     Raises:
-        InputError: Nothing fits, the message says what was looked for; or the data set does not take an option.
+        InputError: No loader fits (the message says what was looked for), or the loader lacks an option that is given.
     """
     said = {"stamp": stamp, "point_time": point_time, "columns": columns, "start": start, "duration": duration}
     said |= {"topic": topic, "image_topic": image_topic, "truth_topic": truth_topic}
-    path, loader, found = _drives(path)
+    path, loader, found = _sequences(path)
     return loader(_pick(path, found, sequence), sensor, **_taken(loader, path, said))
 
 
-def drives_in(path: str | Path) -> list[str]:
-    """The names of the drives at or under a path, by which `sequence` picks one; [''] for one that needs no picking.
+def sequences_in(path: str | Path) -> list[str]:
+    """Return the names of the sequences at or under a path, for `sequence` in `open_dataset`.
 
-    Raises InputError where there are none.
+    Returns:
+        The names; [''] for a single sequence, which needs no name.
+
+    Raises:
+        InputError: There is no sequence.
     """
-    return list(_drives(path)[2])
+    return list(_sequences(path)[2])
 
 
-def _drives(path: str | Path) -> tuple[Path, Loader, dict[str, Path]]:
-    """The path made absolute, the kind of data set that is there, and its drives by their names."""
+def _sequences(path: str | Path) -> tuple[Path, Loader, dict[str, Path]]:
+    """Find the absolute path, the loader of the data set at it, and its sequences by name."""
     path = Path(path).expanduser()
     if not path.exists():
-        raise InputError(f"{path}: no such folder or file; name a drive")
-    path = path.resolve() if ".." in path.parts else path.absolute()  # symbolic links stay: poses/ may lie beside them
+        raise InputError(f"{path}: no such folder or file; name a sequence or a recording")
+    path = path.resolve() if ".." in path.parts else path.absolute()  # symbolic links stay: poses/ may be beside them
     layouts = []
     for name in sorted(DATASETS.names(), key=FOLDER.__eq__):  # the folder last: it takes any scans
-        loader = cast(Loader, DATASETS.load(name))
-        if found := loader.drives(path):
+        loader = _loader(name)
+        if found := loader.sequences(path):
             return path, loader, found
         layouts.append(loader.LAYOUT)
     if path.is_file():
         known = "a recording (.bag, .db3, .mcap) or a packet capture (.pcap, .pcapng)"
-        raise InputError(f"{path}: is a file, not a folder with scans, {known}; name a drive")
-    if below := [str(child) for child in sorted(path.iterdir()) if child.is_dir() and loader.drives(child)]:
-        raise InputError(f"{path}: no drive found here, but scans in {', '.join(below[:3])}; name that folder")
-    raise InputError(f"{path}: no drive found; looked for {', '.join(layouts[:-1])} and {layouts[-1]}")
+        raise InputError(f"{path}: is a file, not a folder with scans, {known}; name one of these")
+    if below := [str(child) for child in sorted(path.iterdir()) if child.is_dir() and loader.sequences(child)]:
+        raise InputError(f"{path}: no sequence found here, but scans in {', '.join(below[:3])}; name that folder")
+    raise InputError(f"{path}: no sequence found; looked for {', '.join(layouts[:-1])} and {layouts[-1]}")
+
+
+def _loader(name: str) -> Loader:
+    """Import a loader. Raises InputError if it is written for lidarlift 0.2, where `sequences` was called `drives`."""
+    loader = cast(Loader, DATASETS.load(name))
+    if not hasattr(loader, "sequences"):
+        raise InputError(
+            f"data set '{name}': its loader has no method 'sequences' ('drives' until 0.2); update its package"
+        )
+    return loader
 
 
 def _taken(loader: Loader, path: Path, said: Mapping[str, str | float | None]) -> dict[str, Any]:
-    """What is said, by the names that the loader has for it. Raises InputError where it does not know one."""
+    """Return the options that are given. Raises InputError if the loader lacks one of them."""
     given = {name: value for name, value in said.items() if value is not None}
     for name in given:
         if name not in signature(loader).parameters:
@@ -185,7 +215,7 @@ def _taken(loader: Loader, path: Path, said: Mapping[str, str | float | None]) -
 
 
 def ring_count(data: Dataset) -> int | None:
-    """How many rings a data set's LiDAR has, by its sensor or counted in the first scans; None where nobody knows."""
+    """Return the number of rings of the LiDAR: its sensor model's, else counted in the first scans, None if unknown."""
     if data.sensor is not None:
         return data.sensor.ring_count
     counted: int | None = getattr(data, "rings", None)
@@ -193,18 +223,22 @@ def ring_count(data: Dataset) -> int | None:
 
 
 def chosen_positions(data: Dataset, frames: slice) -> range:
-    """The positions of a drive's frames that `frames` chooses. Raises InputError where there are none."""
+    """Return the positions of the selected frames.
+
+    Raises:
+        InputError: No frame is selected.
+    """
     positions = range(len(data))[frames]
     if not positions:
-        raise InputError(f"{data.path}: no frames in that range; the drive has {len(data)}, from 0")
+        raise InputError(f"{data.path}: no frames in that range; the sequence has {len(data)}, from 0")
     return positions
 
 
 def _pick(path: Path, found: dict[str, Path], wanted: str | None) -> Path:
-    """The one folder that is meant: by its name, its number ('4', '0005'), or by being the only one."""
+    """Select a sequence by its name or its number ('4', '0005'), or the only one."""
     if "" in found:
         if wanted is not None:
-            raise InputError(f"{path}: one drive, without a sequence '{wanted}'; leave --sequence out")
+            raise InputError(f"{path}: a single sequence, without a name such as '{wanted}'; leave --sequence out")
         return found[""]
     if wanted is None:
         if len(found) == 1:

@@ -14,13 +14,13 @@ from slam.data.images import image_folder
 from slam.data.point_files import SUFFIXES, Points
 from slam.data.problem import Problem
 from slam.data.scan_columns import Columns, find_columns
-from slam.data.scan_drive import ScanDrive
 from slam.data.scan_names import ScanNames, named_scans, stamps_of_names
+from slam.data.scan_sequence import ScanSequence
 from slam.data.sensor import Sensor, conventions_of_folder, nominal_lines, sensor_of_folder
 from slam.data.time_files import TIME_FILES, read_stamps
 
 
-class UserFolder(ScanDrive):
+class UserFolder(ScanSequence):
     """Scans (.bin, .pcd, .ply, .npy, .las, .laz) in the folder or its scans/, velodyne/, points/ or lidar/.
 
     Optional beside them: `times.txt` or `timestamps.txt` (see `read_stamps`; else names that are stamps tell),
@@ -42,7 +42,7 @@ class UserFolder(ScanDrive):
     LAYOUT = f"scans ({', '.join(SUFFIXES)}) in the folder itself or in its scans/, velodyne/, points/ or lidar/"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The folder itself where it has scans. See `Loader`."""
         return {"": path} if named_scans(path).files else {}
 

@@ -21,7 +21,7 @@ from slam.data.stamps import usual_step
 KITTIS = "hdl64"  # KITTI's LiDAR
 
 
-class KittiDrive:
+class KittiSequence:
     """Scans stored ring after ring, top ring first, with the colour camera's images of the same numbers.
 
     The loaders add stamps, calibration and ground truth. See `Dataset` for the fields.

@@ -16,7 +16,7 @@ from slam.data.files import (
     matrix,
     read_keyed_numbers,
 )
-from slam.data.kitti import KittiDrive, rectified_camera
+from slam.data.kitti import KittiSequence, rectified_camera
 from slam.data.pose_files import read_trajectory
 from slam.data.problem import Problem
 from slam.data.sensor import conventions_of_folder, kitti_sensor
@@ -24,7 +24,7 @@ from slam.data.stamps import mended, usual_step
 from slam.data.time_files import read_rows
 
 
-class KittiOdometry(KittiDrive):
+class KittiOdometry(KittiSequence):
     """`velodyne/`, `image_2/`, `calib.txt`, `times.txt` of one sequence folder, and `poses/NN.txt` of its root.
 
     Lines of times.txt and of the poses belong to scans by the number in the file name, so a part of a sequence works
@@ -36,7 +36,7 @@ class KittiOdometry(KittiDrive):
     LAYOUT = "KITTI odometry (sequences/NN/velodyne/*.bin, or calib.txt beside velodyne/)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The sequence folders at or under a path by their names. See `Loader`."""
         if (path / "velodyne").is_dir():
             kitti = path.parent.name == "sequences" or (path / "calib.txt").exists()

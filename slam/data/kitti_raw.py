@@ -16,14 +16,14 @@ from slam.data.files import (
     read_keyed_numbers,
     rows_by_number,
 )
-from slam.data.kitti import KittiDrive, rectified_camera
+from slam.data.kitti import KittiSequence, rectified_camera
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor, conventions_of_folder, kitti_sensor
 from slam.data.stamps import mended
 from slam.data.time_files import clock_rows, text_lines
 
 
-class KittiRaw(KittiDrive):
+class KittiRaw(KittiSequence):
     """`velodyne_points/`, `image_02/` and `oxts/` of one drive; calibration files beside the drive or inside it.
 
     Scans are as the sensor swept them: the cloud has times. Stamps count from the first scan. The ground truth is
@@ -35,7 +35,7 @@ class KittiRaw(KittiDrive):
     MAKER = "KITTI raw"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The drive folders at or under a path by their names. See `Loader`."""
         for pattern in (".", "*", "*/*"):
             found = sorted(path.glob(f"{pattern}/velodyne_points/data"))

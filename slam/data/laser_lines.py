@@ -15,7 +15,7 @@ from slam.data.cloud import Array
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
 from slam.data.problem import Problem, spans
-from slam.data.scan_drive import ScanDrive
+from slam.data.scan_sequence import ScanSequence
 
 #: Total number of points used; each of 64 rings then has 15,000, which average a rounding to 1 mm down to some 0.01 mm.
 POINTS = 1_000_000
@@ -186,7 +186,7 @@ def _read_scans(data: Dataset, positions: Sequence[int], on_scan: Callable[[], N
     """Read samples of the scans; rings are never taken from the lines of a known sensor, since these are estimated."""
     scans = []
     for position in positions:
-        if isinstance(data, ScanDrive):
+        if isinstance(data, ScanSequence):
             points = data.points(position)
             xyz, ring = points.xyz, points.ring
         else:

@@ -47,7 +47,8 @@ def drop_rings(
     if pattern not in PATTERNS:
         raise InputError(f"unknown ring pattern '{pattern}'{suggest(pattern, PATTERNS)}")
     if pattern != "every-4th" and rings != 64:
-        raise InputError(f"the pattern {pattern} drops rings of 64, and there are {rings}; leave front_end.drop out")
+        text = f"the pattern {pattern} drops rings of 64, and there are {rings}"
+        raise InputError(f"{text}; leave front_end.ring_selection out")
     kept = every_fourth(rings, phase) if pattern == "every-4th" else VLP16_RINGS
     if cloud.ring is None:
         raise InputError(

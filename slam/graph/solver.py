@@ -14,7 +14,7 @@ import numpy as np
 
 from slam.data import se3
 from slam.data.cloud import Array
-from slam.graph.pose_graph import Edge, adjoint
+from slam.graph.pose_graph import Edge, adjoint, reversed_edge
 
 FIRST_SIGMA = 1e-4  # rad, m: prior of the first pose at the identity
 TOLERANCE = 1e-9  # relative error: with large covariances, GTSAM's default 1e-5 stops half a metre from the optimum
@@ -101,6 +101,35 @@ def relative_covariances(edges: Sequence[Edge], poses: Array, pairs: Iterable[tu
         cross = Ad @ joint.at(i, j)
         found.append(np.asarray(joint.at(j, j) + Ad @ joint.at(i, i) @ Ad.T - cross - cross.T))
     return found
+
+
+def pose_covariances(edges: Sequence[Edge], poses: Array) -> tuple[Array, Array]:
+    """Compute the marginal covariances of poses relative to the first one, which is exact.
+
+    Args:
+        edges: The edges, which connect all poses.
+        poses: The optimum (N, 4, 4).
+
+    Returns:
+        Covariances (N, 6, 6) in the axes of each pose, zero for the first; and cross-covariances (N - 1, 6, 6) of each
+        pose, in its axes, with the next one, in the axes of that one.
+    """
+    own, cross = np.zeros((len(poses), 6, 6)), np.zeros((len(poses) - 1, 6, 6))
+    if len(poses) < 2:
+        return own, cross
+    from_first = [edge if edge.i == 0 else reversed_edge(edge) for edge in edges if 0 in (edge.i, edge.j)]
+    graph = factors(edge for edge in edges if 0 not in (edge.i, edge.j))
+    for edge in from_first:  # a prior of weight 1 / FIRST_SIGMA² would add its own error, growing with the distance
+        measured = gtsam.Pose3(poses[0] @ edge.pose)
+        graph.add(gtsam.PriorFactorPose3(edge.j, measured, gtsam.noiseModel.Gaussian.Covariance(edge.covariance)))
+    values = values_of(poses)
+    values.erase(0)
+    marginals = gtsam.Marginals(graph, values)
+    for key in range(1, len(poses)):
+        own[key] = marginals.marginalCovariance(key)
+    for key in range(1, len(poses) - 1):
+        cross[key] = marginals.jointMarginalCovariance([key, key + 1]).at(key, key + 1)
+    return own, cross
 
 
 class Incremental:

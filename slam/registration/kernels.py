@@ -248,7 +248,7 @@ def _add_information(cell, x, y, z, variance, ridge, size, gaussians):
 
 
 @njit(inline="always")
-def _update_gaussian(cell, sums, gaussians, floor, size, surfaces, pose, A):
+def _update_gaussian(cell, sums, gaussians, regularisation, size, surfaces, pose, A):
     """Compute a cell's mean and information from its sums; `floor` of the trace keeps flat cells invertible."""
     row = sums[cell]
     scale = 1.0 / row[0] * row[_COUNT] / (row[_COUNT] - 1.0)
@@ -257,7 +257,7 @@ def _update_gaussian(cell, sums, gaussians, floor, size, surfaces, pose, A):
         for j in range(i, 3):
             A[i, j] = A[j, i] = row[entry] * scale
             entry += 1
-    ridge = floor * (A[0, 0] + A[1, 1] + A[2, 2]) + 1e-6
+    ridge = regularisation * (A[0, 0] + A[1, 1] + A[2, 2]) + 1e-6
     for axis in range(3):
         gaussians[cell, axis] = row[_MEAN + axis]
     gaussians[cell, 3:] = 0.0
@@ -285,7 +285,9 @@ def _add_cell(key, slot, cell, table, sums, gaussians, cell_keys):
 
 
 @njit(cache=True, nogil=True)
-def insert(xyz, weight, pose, size, min_points, max_points, floor, surfaces, table, sums, gaussians, cell_keys, count):
+def insert(
+    xyz, weight, pose, size, min_points, max_points, regularisation, surfaces, table, sums, gaussians, cell_keys, count
+):
     """Add points to the cells' running sums, and update the Gaussians of these cells.
 
     Centred accumulation (West 1979), unbiased covariance. A cell with `max_points` is not updated any more. The
@@ -299,7 +301,7 @@ def insert(xyz, weight, pose, size, min_points, max_points, floor, surfaces, tab
         size: Size of the cells [m].
         min_points: As in `VoxelGaussians`.
         max_points: As in `VoxelGaussians`.
-        floor: As in `VoxelGaussians`.
+        regularisation: As in `VoxelGaussians`.
         surfaces: As in `VoxelGaussians`.
         table: Hash table.
         sums: Running sums (C, 11), a row per cell.
@@ -350,7 +352,7 @@ def insert(xyz, weight, pose, size, min_points, max_points, floor, surfaces, tab
     for i in range(touches):
         seen = sums[touched[i], _COUNT]
         if seen >= min_points and seen > gaussians[touched[i], _POINTS_USED]:
-            _update_gaussian(touched[i], sums, gaussians, floor, size, surfaces, pose, A)
+            _update_gaussian(touched[i], sums, gaussians, regularisation, size, surfaces, pose, A)
     return count
 
 
@@ -636,7 +638,7 @@ def evidence(xyz, weight, pose, relevance, size, block, max_weight, table, gauss
 
 
 @njit(cache=True, nogil=True)
-def merge(fine_sums, fine_count, size, min_points, floor, pose, table, sums, gaussians, cell_keys):
+def merge(fine_sums, fine_count, size, min_points, regularisation, pose, table, sums, gaussians, cell_keys):
     """Fill empty cells of a larger `size` with the moments of finer cells; return their number.
 
     The Gaussians have surface information, for a sensor at `pose` (4, 4).
@@ -669,7 +671,7 @@ def merge(fine_sums, fine_count, size, min_points, floor, pose, table, sums, gau
         row[_COUNT] += fine[_COUNT]
     for cell in range(count):
         if sums[cell, _COUNT] >= min_points:
-            _update_gaussian(cell, sums, gaussians, floor, size, True, pose, A)
+            _update_gaussian(cell, sums, gaussians, regularisation, size, True, pose, A)
     return count
 
 

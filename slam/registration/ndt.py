@@ -26,10 +26,10 @@ class NdtTarget:
         cell_sizes: Cell sizes [m], coarse first.
         min_points: As in `VoxelGaussians`.
         max_points: As in `VoxelGaussians`.
-        floor: As in `VoxelGaussians`.
+        regularisation: As in `VoxelGaussians`.
         surfaces: As in `VoxelGaussians`.
         neighbours: Number of cells to which a point is matched: 1, its own, or 7, with the six face neighbours.
-        kernel: Scale of the Cauchy weight 1 / (1 + m / kernel^2), m the squared Mahalanobis distance.
+        kernel_scale: Scale of the Cauchy weight 1 / (1 + m / kernel_scale^2), m the squared Mahalanobis distance.
         max_iterations: Maximum number of iterations at the finest level; the other levels have half of it.
 
     Attributes:
@@ -43,14 +43,14 @@ class NdtTarget:
         *,
         min_points: int = 5,
         max_points: int = 1000,
-        floor: float = 0.003,
+        regularisation: float = 0.003,
         surfaces: bool = False,
         neighbours: int = 1,
-        kernel: float = 1.0,
+        kernel_scale: float = 1.0,
         max_iterations: int = 12,
     ) -> None:
-        self.levels = [VoxelGaussians(size, min_points, max_points, floor, surfaces) for size in cell_sizes]
-        self.surfaces, self.neighbours, self.kernel = surfaces, neighbours, kernel
+        self.levels = [VoxelGaussians(size, min_points, max_points, regularisation, surfaces) for size in cell_sizes]
+        self.surfaces, self.neighbours, self.kernel_scale = surfaces, neighbours, kernel_scale
         self.max_iterations = max_iterations
         self.convergence_radius = float(cell_sizes[-1])
 
@@ -92,7 +92,7 @@ class NdtTarget:
             return partial(self.score, xyz, weight)
         finest = self.levels[-1]
         levels = [finest, *(finest.coarser(factor) for factor in COARSER_FACTORS)]
-        relevance = _relevance(levels[1].support(xyz, weight, centre, self.kernel)[0])
+        relevance = _relevance(levels[1].support(xyz, weight, centre, self.kernel_scale)[0])
         scratch = hash_table(len(xyz))
 
         def evidence(pose: Array) -> float:
@@ -145,12 +145,12 @@ class NdtTarget:
         """
         if not self.surfaces:
             return np.zeros((0, 3))
-        return unobserved(self.levels[-1], xyz, weight, pose, self.kernel, before)
+        return unobserved(self.levels[-1], xyz, weight, pose, self.kernel_scale, before)
 
     def _linearise(
         self, level: VoxelGaussians, xyz: Array, weight: Array, pose: Array, scores: Array = NO_SCORES
     ) -> Linearisation:
-        H, gradient, totals = level.normal_equations(xyz, weight, pose, self.neighbours, self.kernel, scores)
+        H, gradient, totals = level.normal_equations(xyz, weight, pose, self.neighbours, self.kernel_scale, scores)
         robust, cost, inliers, score, met, total = totals
         # residuals per point; their whitened variance is 1 where the Gaussians describe the points correctly
         dimensions = 1.0 if self.surfaces else 3.0

@@ -53,13 +53,15 @@ class VoxelGaussians:
         min_points: Minimum number of points for a Gaussian.
         max_points: Number of points after which a cell is not updated any more (otherwise a standing car sharpens its
             own noise, and each scan costs time).
-        floor: Share of a covariance's trace that is added to its diagonal, so that flat cells stay invertible.
+        regularisation: Share of a covariance's trace that is added to its diagonal, so that flat cells stay invertible.
         surfaces: A point is constrained along the directions in which the cell's surface is thin; False: by the full
             inverse covariance of the cell, as in the paper.
     """
 
-    def __init__(self, size: float, min_points: int, max_points: int, floor: float, surfaces: bool = False) -> None:
-        self.size, self.min_points, self.max_points, self.floor = size, min_points, max_points, floor
+    def __init__(
+        self, size: float, min_points: int, max_points: int, regularisation: float, surfaces: bool = False
+    ) -> None:
+        self.size, self.min_points, self.max_points, self.regularisation = size, min_points, max_points, regularisation
         self.surfaces = surfaces
         self._pose = np.eye(4)  # of the last scan inserted
         self._sums, self._gaussians = np.zeros((0, 11)), np.zeros((0, kernels.GAUSSIAN))
@@ -80,7 +82,7 @@ class VoxelGaussians:
             self._allocate(2 * (self._count + len(xyz)))
         self._pose = pose
         self._count = kernels.insert(
-            xyz, weight, pose, self.size, self.min_points, self.max_points, self.floor, self.surfaces,
+            xyz, weight, pose, self.size, self.min_points, self.max_points, self.regularisation, self.surfaces,
             self._table, self._sums, self._gaussians, self._cell_keys, self._count,
         )  # fmt: skip
 
@@ -92,12 +94,14 @@ class VoxelGaussians:
 
     def coarser(self, factor: int) -> VoxelGaussians:
         """Return the same points in cells `factor` times as large."""
-        coarse = VoxelGaussians(self.size * factor, self.min_points, self.max_points, self.floor, surfaces=True)
+        coarse = VoxelGaussians(
+            self.size * factor, self.min_points, self.max_points, self.regularisation, surfaces=True
+        )
         if self._count > len(coarse._sums):
             coarse._allocate(self._count)
         coarse._pose = self._pose
         coarse._count = kernels.merge(
-            self._sums, self._count, coarse.size, self.min_points, self.floor, self._pose,
+            self._sums, self._count, coarse.size, self.min_points, self.regularisation, self._pose,
             coarse._table, coarse._sums, coarse._gaussians, coarse._cell_keys,
         )  # fmt: skip
         return coarse

@@ -213,7 +213,7 @@ def test_drives_that_do_not_exist() -> None:
         chosen_drives(options("jamm"))
     with pytest.raises(InputError, match="05: its path is needed; add --trajectories FOLDER"):
         list(chosen_drives(options("05")))
-    with pytest.raises(InputError, match="jam: no frames in 900:; the drive has 350"):
+    with pytest.raises(InputError, match="jam: no frames in 900:; the sequence has 350"):
         list(chosen_drives(options("jam", frames="900:")))
 
 

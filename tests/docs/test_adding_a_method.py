@@ -11,7 +11,7 @@ from typing import Any
 def test_the_package_and_the_commands_of_the_page(
     page: Callable[[str], Any], lidarlift: Callable[..., Any], street_drive: Callable[..., Path], tmp_path: Path
 ) -> None:
-    assert page("adding-a-method.md").run(lidarlift, {"my_drive": street_drive()}, "--frames", "0:2") == 3
+    assert page("adding-a-method.md").run(lidarlift, {"my_sequence": street_drive()}, "--frames", "0:2") == 3
     settings = json.loads((tmp_path / "runs/halfway/run.json").read_text())["protocol"]["config"]
     assert settings["front_end"]["enricher"] == "halfway"
     assert sorted(path.name for path in (tmp_path / "enriched").iterdir()) == ["000000.pcd", "000001.pcd"]

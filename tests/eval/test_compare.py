@@ -6,44 +6,9 @@ import numpy as np
 import pytest
 
 from eval.compare import compare_runs
-from eval.evaluation import evaluate_poses, write_json
-from eval.metrics import RunMetrics
+from eval.evaluation import write_json
 from eval.tables import COMPARISON_COLUMNS, comparison_markdown, format_comparison
 from slam.data.errors import InputError
-from slam.data.pose_files import tum_text
-
-
-def line(length, count=101):
-    """Poses straight on."""
-    poses = np.tile(np.eye(4), (count, 1, 1))
-    poses[:, 0, 3] = np.linspace(0, length, count)
-    return poses
-
-
-@pytest.fixture
-def run_folder(tmp_path):
-    """`run_folder("16", 101.0)`: a run, as far as a comparison reads it, whose path of 100 m was found 101 m long."""
-
-    def write(name, length, reference=100.0, failed=0, notes=()):
-        folder = tmp_path / name
-        folder.mkdir()
-        report = {
-            "counts": {"frames": 101, "failed": failed},
-            "notes": list(notes),
-            "loops": {"keyframes": 50, "candidates": 9, "accepted": 7},
-            "path_length_m": length,
-            "map_points": 1_234_567,
-            "timings_ms": {"front_end": {"median": 1.25, "p95": 3.0}, "odometry": {"median": 12.5, "p95": 20.0}},
-        }
-        (folder / "run.json").write_text(json.dumps(report))
-        (folder / "timings.csv").write_text("frame,points\n0,9000\n1,30000\n2,10000\n")
-        (folder / "odometry_tum.txt").write_text(tum_text(np.arange(101.0), line(length)))
-        if reference:
-            metrics = evaluate_poses(line(length), line(reference))
-            write_json(folder / "metrics.json", RunMetrics(metrics, metrics).as_dict())
-        return folder
-
-    return write
 
 
 def test_comparison_has_the_figures_of_each_input(run_folder):

@@ -9,6 +9,7 @@ from eval.evaluation import evaluate_files, evaluate_poses, evaluate_run, finite
 from eval.metrics import RunMetrics
 from eval.tables import format_metrics
 from slam.data import se3
+from slam.data.covariance_file import covariance_text
 from slam.data.errors import InputError
 from slam.data.pose_files import kitti_text, tum_text
 
@@ -152,13 +153,50 @@ def test_a_run_folder_is_evaluated(write, tmp_path):
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
 
 
+def test_covariances_are_evaluated(write, tmp_path):
+    """All poses but the first are 0.2 m to the left, with a sigma of 0.1 m: two sigma in one of six directions."""
+    shifted = drive()
+    shifted[1:] = shifted[1:] @ se3.exp(np.array([0, 0, 0, 0, 0.2, 0]))
+    for name in ("trajectory_tum.txt", "odometry_tum.txt"):
+        write(name, shifted, stamps())
+    write("ground_truth_tum.txt", drive(), stamps())
+    covariances = np.tile(np.diag([1e-6] * 3 + [0.01] * 3), (80, 1, 1))
+    covariances[0] = 0
+    (tmp_path / "trajectory_covariance.csv").write_text(covariance_text(range(80), stamps(), covariances))
+    result = evaluate_run(tmp_path)
+    assert result.nees.frames == 79
+    assert result.nees.pose == pytest.approx(4 / 6, rel=1e-3)
+    assert result.nees.translation == pytest.approx(4 / 3, rel=1e-3)
+    assert result.nees.by_axis["y"] == pytest.approx(4, rel=1e-3)
+    assert result.nees.rotation < 1e-3
+    assert RunMetrics.from_dict(json.loads((tmp_path / "metrics.json").read_text())) == result
+
+
+def test_covariances_need_a_reference_of_the_first_pose(write, tmp_path):
+    for name in ("trajectory_tum.txt", "odometry_tum.txt"):
+        write(name, drive(), stamps())
+    write("ground_truth_tum.txt", drive()[1:], stamps()[1:])
+    (tmp_path / "trajectory_covariance.csv").write_text(covariance_text(range(80), stamps(), np.zeros((80, 6, 6))))
+    assert evaluate_run(tmp_path).nees is None
+
+
+@pytest.mark.parametrize("lines", [3, 0])
+def test_covariances_of_another_run_are_an_error(write, tmp_path, lines):
+    for name in ("trajectory_tum.txt", "odometry_tum.txt", "ground_truth_tum.txt"):
+        write(name, drive(), stamps())
+    text = covariance_text(range(lines), stamps(lines), np.zeros((lines, 6, 6))) if lines else "a,b\n1,2\n"
+    (tmp_path / "trajectory_covariance.csv").write_text(text)
+    with pytest.raises(InputError, match=r"trajectory_covariance\.csv: .*run again"):
+        evaluate_run(tmp_path)
+
+
 def test_metrics_json_keeps_its_keys(write, tmp_path):
     """What others read: a run's files are a contract."""
     for name in ("trajectory_tum.txt", "odometry_tum.txt", "ground_truth_tum.txt"):
         write(name, drive(), stamps())
     evaluate_run(tmp_path)
     content = json.loads((tmp_path / "metrics.json").read_text())
-    assert list(content) == ["slam", "odometry", "protocol"]
+    assert list(content) == ["slam", "odometry", "nees", "protocol"]
     seven = ["rmse", "mean", "median", "std", "min", "max", "sse"]
     for metrics in (content["slam"], content["odometry"]):
         assert list(metrics) == [
@@ -177,6 +215,7 @@ def test_metrics_json_keeps_its_keys(write, tmp_path):
         ]  # fmt: skip
     assert list(content["protocol"]) == [
         "ate", "rpe", "paper_table_iii", "drift", "drift.body_rotation_removed", "software", "association", "frame",
+        "nees",
     ]  # fmt: skip
 
 

@@ -46,7 +46,7 @@ def test_every_method_is_measured_on_every_frame(street_drive: Callable[..., Pat
 
 def test_unmeasurable_sequences_are_errors(street_drive: Callable[..., Path]) -> None:
     data = open_dataset(street_drive())
-    with pytest.raises(InputError, match="the drive has 8"):
+    with pytest.raises(InputError, match="the sequence has 8"):
         sequence_report(data, {}, slice(20, None))
     scans = open_dataset(data.path / "velodyne")  # without the sensor.yaml beside them
     with pytest.raises(InputError, match="the sensor model is unknown"):

@@ -53,5 +53,5 @@ def test_a_sequence_without_images_raises_an_error(street_drive: Callable[..., P
     data = open_dataset(street_drive())
     with pytest.raises(InputError, match="no image"):
         study_sequence(data, number, {}, slice(0, 1))
-    with pytest.raises(InputError, match="the drive has 8"):
+    with pytest.raises(InputError, match="the sequence has 8"):
         study_sequence(data, number, {}, slice(8, None))

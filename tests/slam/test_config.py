@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -41,8 +42,8 @@ def test_presets_begin_with_a_comment() -> None:
     assert (scan.registration, scan.target, scan.neighbours) == ("ndt", "scan", 7)
     paper = load_config("paper")
     assert paper.front_end.input == "16"
-    assert paper.front_end.drop == "average-pool"
-    sparse = {"min_points": 3, "floor": 0.01}  # sixteen rings fill cells slowly
+    assert paper.front_end.ring_selection == "average-pool"
+    sparse = {"min_points": 3, "regularisation": 0.01}  # sixteen rings fill cells slowly
     assert paper.odometry == scan.model_copy(update=sparse)  # else NDT is the paper's in both
 
 
@@ -74,7 +75,10 @@ def test_a_renamed_setting_is_an_error_with_the_new_name(tmp_path: Path, old: st
         value = {name: value}
     for message in (refusal(None, f"{old}=1"), refusal(written(tmp_path, yaml.safe_dump(value)))):
         assert f"'{old}' was renamed; use '{new}'" in message
-    load_config(None, [f"{new}=1"])
+    default: Any = load_config()
+    for name in new.split("."):
+        default = getattr(default, name)
+    load_config(None, [f"{new}={default}"])
 
 
 def test_keywords_override_the_file(tmp_path: Path) -> None:
@@ -85,10 +89,10 @@ def test_keywords_override_the_file(tmp_path: Path) -> None:
 
 
 def test_overrides_override_the_file(tmp_path: Path) -> None:
-    path = written(tmp_path, "odometry: {voxel_size: 0.7, kernel: 2.0}\nmap: {max_range: 50}\n")
+    path = written(tmp_path, "odometry: {voxel_size: 0.7, kernel_scale: 2.0}\nmap: {max_range: 50}\n")
     config = load_config(path, ["odometry.voxel_size=0.9", "odometry.cell_sizes=[4, 2, 1]", "map.voxel_size=0.3"])
     assert config.odometry.voxel_size == 0.9
-    assert config.odometry.kernel == 2.0
+    assert config.odometry.kernel_scale == 2.0
     assert config.odometry.cell_sizes == (4.0, 2.0, 1.0)
     assert config.map.voxel_size == 0.3
     assert config.map.max_range == 50
@@ -122,7 +126,7 @@ def test_an_unknown_key_names_the_most_similar_one(tmp_path: Path, text: str, ri
 
 
 def test_an_unknown_key_in_an_override_names_the_most_similar_one() -> None:
-    assert "'odometry.kernel'" in refusal(None, "odometry.kernle=2")
+    assert "'odometry.kernel_scale'" in refusal(None, "odometry.kernel_scal=2")
 
 
 @pytest.mark.parametrize(
@@ -139,7 +143,7 @@ def test_an_unknown_key_in_an_override_names_the_most_similar_one() -> None:
         ("odometry.cell_sizes=[1.0, 0]", "odometry.cell_sizes"),
         ("odometry.min_range=90", "odometry.min_range"),
         ("front_end.phase=4", "front_end.phase"),
-        ("front_end.drop=every-3rd", "front_end.drop"),
+        ("front_end.ring_selection=every-3rd", "front_end.ring_selection"),
     ],
 )
 def test_an_invalid_value_is_an_error(override: str, key: str) -> None:
@@ -187,15 +191,15 @@ def test_a_missing_file_lists_the_presets(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["odometry:\n", "odometry: 1\n"])
 def test_an_override_of_an_unknown_section_is_an_error(tmp_path: Path, text: str) -> None:
-    assert "odometry" in refusal(written(tmp_path, text), "odometry.kernel=2")
+    assert "odometry" in refusal(written(tmp_path, text), "odometry.kernel_scale=2")
 
 
 def test_an_override_below_a_value_is_an_error() -> None:
-    assert "kernel" in refusal(None, "odometry.kernel=1", "odometry.kernel.x=2")
+    assert "kernel" in refusal(None, "odometry.kernel_scale=1", "odometry.kernel_scale.x=2")
 
 
 def test_an_override_with_invalid_yaml_is_an_error() -> None:
-    assert "odometry.kernel" in refusal(None, "odometry.kernel=[1")
+    assert "odometry.kernel_scale" in refusal(None, "odometry.kernel_scale=[1")
 
 
 def test_input_16_may_be_unquoted(tmp_path: Path) -> None:

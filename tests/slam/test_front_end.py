@@ -48,10 +48,10 @@ def test_input_16_does_not_change_the_frame(frame: Frame) -> None:
 
 
 def test_other_ring_patterns(frame: Frame) -> None:
-    vlp16 = RingFrontEnd(FrontEndSettings(input="16", drop="vlp16"))(frame, [])
+    vlp16 = RingFrontEnd(FrontEndSettings(input="16", ring_selection="vlp16"))(frame, [])
     assert vlp16.ring is not None
     assert len(np.unique(vlp16.ring)) == 9
-    pooled = RingFrontEnd(FrontEndSettings(input="16", drop="average-pool"))(frame, [])
+    pooled = RingFrontEnd(FrontEndSettings(input="16", ring_selection="average-pool"))(frame, [])
     assert pooled.ring is not None
     assert np.unique(pooled.ring).tolist() == list(range(16))
 
@@ -102,8 +102,8 @@ def test_16_of_any_number_of_rings(rings: int, kept: list[int], known: str) -> N
     ("rings", "setting", "fault"),
     [
         (32, {"phase": 2}, "0 to 1 exist for 32 rings"),
-        (128, {"drop": "vlp16"}, "drops rings of 64, and there are 128"),
-        (40, {"drop": "average-pool"}, "drops rings of 64, and there are 40"),
+        (128, {"ring_selection": "vlp16"}, "drops rings of 64, and there are 128"),
+        (40, {"ring_selection": "average-pool"}, "drops rings of 64, and there are 40"),
     ],
 )
 def test_patterns_of_other_numbers_of_rings_are_refused_at_once(

@@ -125,7 +125,7 @@ def test_frames_are_a_slice_of_positions(street_drive: Drive, street_poses: Arra
 
 @pytest.mark.parametrize("frames", [slice(8, 20), slice(4, 4), slice(5, 2)])
 def test_no_selected_frames_are_an_error(street_drive: Drive, frames: slice) -> None:
-    with pytest.raises(InputError, match="no frames in that range; the drive has 8"):
+    with pytest.raises(InputError, match="no frames in that range; the sequence has 8"):
         Pipeline().run(open_dataset(street_drive()), frames)
 
 
@@ -327,7 +327,7 @@ NINE_RINGS = pytest.mark.xfail(reason="nine rings are left; rounding decides (do
 @pytest.mark.parametrize("pattern", ["every-4th", pytest.param("vlp16", marks=NINE_RINGS), "average-pool"])
 def test_sparse_rings_do_not_reduce_the_motion(real_data: RealData, pattern: str) -> None:
     """The ring pattern moves with the car and fits without motion at the start; here 1.2 m per frame."""
-    config = load_config(None, [f"front_end.drop={pattern}"], input="16")
+    config = load_config(None, [f"front_end.ring_selection={pattern}"], input="16")
     result = Pipeline(config).run(open_dataset(real_data("kitti_raw_0013")), slice(40))
     assert result.counts()["failed"] == 0
     truth = result.ground_truth

@@ -13,6 +13,7 @@ import pytest
 from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.covariance_file import read_covariances
 from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 from slam.data.point_files import read_points
@@ -42,6 +43,7 @@ def test_the_run_folder_is_complete(street_drive: Drive, street_poses: Array, tm
         "odometry_tum.txt",
         "run.json",
         "timings.csv",
+        "trajectory_covariance.csv",
         "trajectory_kitti.txt",
         "trajectory_tum.txt",
     ]
@@ -52,6 +54,21 @@ def test_the_run_folder_is_complete(street_drive: Drive, street_poses: Array, tm
         assert poses == pytest.approx(result.poses, abs=1e-8)
     assert read_poses(folder / "ground_truth_tum.txt")[1] == pytest.approx(street_poses, abs=1e-8)
     assert len(read_points(folder / "map.pcd").xyz) == len(result.map)
+
+
+def test_the_covariance_of_every_pose_is_written(street_drive: Drive, tmp_path: Path) -> None:
+    result = run(street_drive({5: b""}), slice(2, 8))
+    folder = save_run(result, tmp_path / "run")
+    lines = (folder / "trajectory_covariance.csv").read_text().splitlines()
+    assert lines[0].startswith("frame,stamp_s,roll_roll,roll_pitch,roll_yaw,roll_x,")
+    assert [line.split(",")[0] for line in lines[1:]] == ["2", "3", "4", "5", "6", "7"]
+    stamps, covariances = read_covariances(folder / "trajectory_covariance.csv")
+    assert stamps == pytest.approx(result.stamps)
+    assert (covariances[0] == 0).all()
+    sigma = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    assert (np.diff(sigma[:, 3]) > 0).all()  # no loops: it grows
+    assert 0.01 < sigma[2, 3] < 0.3 < 2 < sigma[3, 3]  # frame 5, whose scan is empty, is a prediction
+    assert "the LiDAR's axes" in read_report(folder)["protocol"]["covariances"]
 
 
 def test_run_json_has_the_protocol(street_drive: Drive, tmp_path: Path) -> None:

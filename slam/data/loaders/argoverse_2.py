@@ -11,7 +11,7 @@ from slam.data import se3
 from slam.data.cloud import Array, Calibration
 from slam.data.errors import InputError
 from slam.data.feather import read_table
-from slam.data.loaders.common import HERE, StampedDrive, poses_of
+from slam.data.loaders.common import HERE, StampedSequence, poses_of
 from slam.data.point_files import Reading
 from slam.data.pose_files import Trajectory
 from slam.data.problem import Problem
@@ -20,7 +20,7 @@ LIDAR, CAMERA = "up_lidar", "ring_front_center"
 POSE = ("qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
 
 
-class Argoverse2(StampedDrive):
+class Argoverse2(StampedSequence):
     """`sensors/lidar/<ns>.feather` of one log, with `calibration/`, `city_SE3_egovehicle.feather` and the front camera.
 
     A scan is what both LiDARs saw, in the car's frame, its motion compensated to the stamp, the start of the sweep
@@ -32,7 +32,7 @@ class Argoverse2(StampedDrive):
     LAYOUT = "Argoverse 2 (sensors/lidar/*.feather)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The logs at or under a path, or in its splits, by their names. See `Loader`."""
         for pattern in (".", "*", "*/*"):
             folders = [folder.parent.parent for folder in sorted(path.glob(f"{pattern}/sensors/lidar"))]

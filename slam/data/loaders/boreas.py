@@ -9,7 +9,7 @@ import numpy as np
 from slam.data.bin_layout import parsed_columns
 from slam.data.cloud import Array, Calibration
 from slam.data.errors import InputError
-from slam.data.loaders.common import HERE, StampedDrive, angle_trajectory, folders_with
+from slam.data.loaders.common import HERE, StampedSequence, angle_trajectory, folders_with
 from slam.data.point_files import Reading
 from slam.data.pose_table import read_pose_table
 from slam.data.problem import Problem
@@ -22,7 +22,7 @@ TRUTH = (
 )
 
 
-class Boreas(StampedDrive):
+class Boreas(StampedSequence):
     """`lidar/<us>.bin`, `applanix/lidar_poses.csv`, `camera/<us>.png` and `calib/` of one sequence.
 
     A point is x y z intensity laser time, float32, with seconds from the stamp (pyboreas, utils/utils.py); which
@@ -33,7 +33,7 @@ class Boreas(StampedDrive):
     LAYOUT = "Boreas (lidar/*.bin beside applanix/)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The sequences at or under a path by their names. See `Loader`."""
         found = folders_with(path, "lidar/*.bin")
         return {name: folder for name, folder in found.items() if (folder / "applanix").is_dir()}

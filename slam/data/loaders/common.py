@@ -17,8 +17,8 @@ from slam.data.point_files import Reading
 from slam.data.pose_files import Trajectory
 from slam.data.pose_table import read_pose_table
 from slam.data.problem import Problem
-from slam.data.scan_drive import ScanDrive
 from slam.data.scan_names import in_order, stamps_of_names
+from slam.data.scan_sequence import ScanSequence
 from slam.data.sensor import Sensor, conventions_of_folder, sensor_of_folder
 
 #: Coordinates of scans in the sensor's own frame.
@@ -34,7 +34,7 @@ def folders_with(path: Path, *insides: str) -> dict[str, Path]:
     return {}
 
 
-class StampedDrive(ScanDrive):
+class StampedSequence(ScanSequence):
     """Scans in a folder of a drive, named by their stamps, of a LiDAR that is known.
 
     Args:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from slam.data.bin_layout import Layout, parsed_columns
 from slam.data.errors import InputError
-from slam.data.loaders.common import HERE, StampedDrive
+from slam.data.loaders.common import HERE, StampedSequence
 from slam.data.point_files import Reading
 from slam.data.pose_files import read_trajectory
 from slam.data.sensor import load_sensor
@@ -23,7 +23,7 @@ POINTS = {
 AEVA_WITHOUT_INTENSITY = 1691936557946849179
 
 
-class Helipr(StampedDrive):
+class Helipr(StampedSequence):
     """`LiDAR/<Ouster | Velodyne | Avia | Aeva>/<ns>.bin` of one sequence, and `LiDAR_GT/<sensor>_gt.txt`.
 
     A drive is what one LiDAR saw: Ouster OS2-128, Velodyne VLP-16, Livox Avia or Aeva Aeries II. The truth is TUM's
@@ -33,7 +33,7 @@ class Helipr(StampedDrive):
     LAYOUT = f"HeLiPR (LiDAR/<{' | '.join(POINTS)}>/*.bin)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The LiDARs of a sequence by their names, or those of the sequences under a path: 'Town01/Ouster'."""
         if path.name in POINTS and path.parent.name == "LiDAR":
             return {path.name: path}

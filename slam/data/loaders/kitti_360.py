@@ -34,7 +34,7 @@ class Kitti360(KittiRaw):
     MAKER = "KITTI-360"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The drives of a root, its data_3d_raw, or one of these, by their names. See `Loader`."""
         if path.parent.name == SCANS:
             return {path.name: path} if (path / "velodyne_points" / "data").is_dir() else {}

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from slam.data.bin_layout import KITTI
 from slam.data.derived_columns import PointImage
-from slam.data.loaders.common import HERE, StampedDrive, folders_with, pose
+from slam.data.loaders.common import HERE, StampedSequence, folders_with, pose
 from slam.data.point_files import Reading
 from slam.data.pose_files import read_trajectory
 
@@ -16,7 +16,7 @@ from slam.data.pose_files import read_trajectory
 T_BASE_LIDAR = pose(1.7042, -0.021, 1.8047, Rotation.from_euler("xyz", [0.0001, 0.0003, 179.6654], degrees=True))
 
 
-class MulRan(StampedDrive):
+class MulRan(StampedSequence):
     """`Ouster/<ns>.bin` (or `sensor_data/Ouster/`) and `global_pose.csv` of one sequence.
 
     Points are x y z intensity, float32, all 64 x 1024 of a turn, column after column: so rings are the place modulo 64
@@ -29,7 +29,7 @@ class MulRan(StampedDrive):
     LAYOUT = "MulRan (Ouster/*.bin beside global_pose.csv)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The sequences at or under a path by their names. See `Loader`."""
         found = folders_with(path, "Ouster/*.bin", "sensor_data/Ouster/*.bin")
         marks = ("global_pose.csv", "data_stamp.csv", "sensor_data")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from slam.data.bin_layout import parsed_columns
-from slam.data.loaders.common import HERE, StampedDrive, angle_trajectory, folders_with
+from slam.data.loaders.common import HERE, StampedSequence, angle_trajectory, folders_with
 from slam.data.point_files import Reading
 
 STEP, LEAST = 0.005, -100.0  # m: of the whole numbers in velodyne_sync (NCLT's read_vel_sync.py)
@@ -17,7 +17,7 @@ TRUTH = ("utime", "x", "y", "z", "roll", "pitch", "heading")
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-class Nclt(StampedDrive):
+class Nclt(StampedSequence):
     """`velodyne_sync/<us>.bin` of one day, and `groundtruth_<day>.csv` in it, beside it or in `ground_truth/`.
 
     A point is x y z as uint16, intensity and laser as uint8. The scans are turned into the robot's body frame, and
@@ -29,7 +29,7 @@ class Nclt(StampedDrive):
     LAYOUT = "NCLT (velodyne_sync/*.bin)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The days at or under a path by their names. See `Loader`."""
         return folders_with(path, "velodyne_sync/*.bin")
 

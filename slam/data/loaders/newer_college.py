@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slam.data.errors import InputError
-from slam.data.loaders.common import HERE, StampedDrive, folders_with, pose, poses_of
+from slam.data.loaders.common import HERE, StampedSequence, folders_with, pose, poses_of
 from slam.data.point_files import Reading
 from slam.data.pose_files import Trajectory
 from slam.data.pose_table import read_pose_table
@@ -18,7 +18,7 @@ PLACES = ("raw_format/ouster_scan", "ouster_scan")
 T_BASE_LIDAR = pose(-0.084, -0.025, 0.050, Rotation.from_quat([0.0, 0.0, 0.924, 0.383]))
 
 
-class NewerCollege(StampedDrive):
+class NewerCollege(StampedSequence):
     """`raw_format/ouster_scan/cloud_<s>_<ns>.pcd` of one experiment, and `ground_truth/registered_poses.csv`.
 
     Scans are Ouster's clouds, with times (t, ns from the stamp) and rings where the files have these fields; .ply files
@@ -29,7 +29,7 @@ class NewerCollege(StampedDrive):
     LAYOUT = "Newer College (raw_format/ouster_scan/*.pcd)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The experiments at or under a path by their names. See `Loader`."""
         return folders_with(path, *(f"{place}/*.{suffix}" for place in PLACES for suffix in ("pcd", "ply")))
 

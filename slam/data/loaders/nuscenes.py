@@ -20,8 +20,8 @@ from slam.data.first_scans import first_of
 from slam.data.images import ImageFile, nearest_images
 from slam.data.loaders.common import HERE, pose
 from slam.data.point_files import Reading
-from slam.data.scan_drive import ScanDrive
 from slam.data.scan_names import ScanNames
+from slam.data.scan_sequence import ScanSequence
 from slam.data.sensor import conventions_of_folder, load_sensor, sensor_of_folder
 
 #: x to the right and y forward, in the files, into ours; and ours in the files' frame.
@@ -31,7 +31,7 @@ LIDAR, CAMERA = "/LIDAR_TOP/", "/CAM_FRONT/"
 Record = dict[str, Any]
 
 
-class NuScenes(ScanDrive):
+class NuScenes(ScanSequence):
     """All scans of LIDAR_TOP of a scene, sweeps and samples, by the tables in `v1.0-*/` of its root.
 
     A point is x y z intensity ring, float32. Its stamp is of the end of the sweep, and the data set's makers have
@@ -43,7 +43,7 @@ class NuScenes(ScanDrive):
     LAYOUT = "nuScenes (v1.0-*/scene.json)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The scenes of a root by their names. See `Loader`."""
         found = {}
         for file in sorted(path.glob("v1.0-*/scene.json")):

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from slam.data.loaders.common import HERE, StampedDrive, folders_with
+from slam.data.loaders.common import HERE, StampedSequence, folders_with
 from slam.data.point_files import Reading
 from slam.data.sensor import load_sensor
 
 TRUTH = "gt_traj_lidar.txt"
 
 
-class ParisLuco(StampedDrive):
+class ParisLuco(StampedSequence):
     """`frames/frame_<number>.ply` of one sequence.
 
     Points have `timestamp`, seconds from the instant at which the LiDAR looks ahead, the middle of its turn. Files have
@@ -22,7 +22,7 @@ class ParisLuco(StampedDrive):
     LAYOUT = f"ParisLuco (frames/*.ply beside {TRUTH})"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The sequences at or under a path by their names. See `Loader`."""
         found = folders_with(path, "frames/*.ply")
         return {name: folder for name, folder in found.items() if (folder / TRUTH).is_file()}

@@ -11,7 +11,9 @@ from slam.data.point_files import NAMES
 from slam.data.problem import Problem
 from slam.data.recordings.clouds import CLOUDS
 from slam.data.recordings.messages import CAMERA_INFO, COMPRESSED, IMAGE, OLD_TRANSFORMS, TRANSFORMS
+from slam.data.recordings.packets import PACKETS
 from slam.data.recordings.recording import TRUTH_TYPES, Recording, Topic
+from slam.data.recordings.scans import packet_bytes
 from slam.data.recordings.transforms import Mounting
 from slam.data.yaml_files import suggest
 
@@ -26,14 +28,20 @@ MOVING = 200  # messages of /tf that are looked at for what does not move
 
 def cloud_topic(recording: Recording, said: str | None) -> tuple[Topic, tuple[Problem, ...]]:
     """The topic with the scans: the one that is said, else the one whose first scan has most of times, rings and
-    points, of those that come often.
+    points, of those that come often. Packets are used where there are no point clouds.
 
     Raises:
         InputError: There is none, or none of the name that is said.
     """
     known = recording.of_type(*CLOUDS)
+    packets = {topic: packet_bytes(recording, topic) for topic in recording.of_type(*PACKETS)}
     if said is not None:
-        return _named(recording, said, known, "--topic", "point clouds"), ()
+        return _named(recording, said, [*known, *packets], "--topic", "point clouds"), ()
+    if not known and packets:
+        most = max(packets.values())
+        lidars = [topic for topic in packets if packets[topic] >= SELDOM * most]
+        best = max(lidars, key=lambda topic: packets[topic])
+        return best, _several(recording, lidars, best, "packets", "--topic")
     if not known:
         raise InputError(f"{recording.path}: no point clouds in it{_instead(recording)}")
     most = max(topic.count for topic in known)
@@ -143,7 +151,8 @@ def _instead(recording: Recording) -> str:
     raw = [topic for topic in recording.topics.values() if RAW.search(topic.name) or RAW.search(topic.type)]
     if raw:
         packets = ", ".join(map(str, raw))
-        return f"; {packets} may be the LiDAR's packets: let its driver make PointCloud2 of them, and record that"
+        remedy = "only those of Velodyne and Ouster are read; let its driver publish PointCloud2, and record that"
+        return f"; {packets} may be a LiDAR's packets: {remedy}"
     return f"; it has {', '.join(str(topic) for topic in list(recording.topics.values())[:8])}"
 
 

@@ -88,7 +88,6 @@ def livox(content: bytes, encoding: str) -> Array:
 
 
 #: How the points of a scan are read, by the type of its messages: a function of a message's bytes and their encoding.
-#: A type of raw packets, one message a scan, is added here.
 CLOUDS: dict[str, Callable[[bytes, str], Array]] = {
     CLOUD: point_cloud,
     "livox_ros_driver/msg/CustomMsg": livox,

@@ -12,14 +12,16 @@ from slam.data.calibration_file import read_cameras
 from slam.data.cloud import Array, Calibration, Frame
 from slam.data.errors import InputError
 from slam.data.files import SCAN_PERIOD
+from slam.data.packets.decoders import metadata_file
 from slam.data.point_blocks import UnreadableError
-from slam.data.point_files import Points, points_of
+from slam.data.point_files import Points
 from slam.data.problem import Problem
 from slam.data.recordings.choice import cloud_topic, image_topic, info_topic, is_rectified, mounting_of, truth_topic
 from slam.data.recordings.clock import Stamped, clock_problems, seconds, stamped
-from slam.data.recordings.clouds import CLOUDS
 from slam.data.recordings.images import calibration_of, image_of
+from slam.data.recordings.packets import PACKETS
 from slam.data.recordings.recording import Recording, Topic, recordings_at
+from slam.data.recordings.scans import MessageScans, PacketTopicScans, TopicScans
 from slam.data.recordings.transforms import Mounting
 from slam.data.recordings.truth import read_truth
 from slam.data.scan_columns import SAMPLES, find_columns
@@ -30,12 +32,11 @@ from slam.data.stamps import mended, usual_step
 
 LOOKED_AT = 3 * SAMPLES  # scans at most, for as many as are needed with points
 MARGIN = 2.0  # s of images before and after the scans that are used
-SHUFFLED = 1.0  # s that messages may have been recorded out of their order
 
 log = logging.getLogger(__name__)
 
 
-class RecordedDrive:
+class RecordedSequence:
     """A ROS 1 bag, or a recording of ROS 2 in SQLite or MCAP: PointCloud2 or Livox' messages as scans.
 
     Used with them, where there are any: images with CameraInfo and the transform between the two frames; true poses.
@@ -63,7 +64,7 @@ class RecordedDrive:
     LAYOUT = "a recording (.bag, .db3, .mcap)"
 
     @staticmethod
-    def drives(path: Path) -> dict[str, Path]:
+    def sequences(path: Path) -> dict[str, Path]:
         """The recordings at the path, unless there are scans beside them. See `Loader`."""
         found = recordings_at(path)
         if path.is_dir() and found and not (path / "metadata.yaml").is_file() and named_scans(path).files:
@@ -89,23 +90,38 @@ class RecordedDrive:
         self._topic, several = cloud_topic(self.recording, topic)
         self.topics = {"points": self._topic.name}
         chosen = self._in_window(self._topic, start, duration)
-        clouds = _in_order(stamped(self.recording, self._topic.name, chosen))
-        self.numbers = clouds.numbers
-        self.stamps_from = f"{self._topic.name}, {'headers' if clouds.by_header else 'times of recording'}"
-        self.stamps, repaired = mended(clouds.stamps, self._where)
-
         folder = path if path.is_dir() else path.parent
-        self.sensor = sensor_of_folder(folder, sensor)
+        mounting = mounting_of(self.recording)
+        metadata = metadata_file(sensor) if self._topic.type in PACKETS else None
+        override = None if metadata else sensor
+        self._scans: TopicScans = (
+            PacketTopicScans(self.recording, self._topic, chosen, folder, metadata, mounting.frames)
+            if self._topic.type in PACKETS
+            else MessageScans(self.recording, self._topic, chosen)
+        )
+        clouds, self.stamps_from = self._scans.found, self._scans.stamps_from
+        self.numbers = clouds.numbers
+        self.stamps, repaired = mended(clouds.stamps, self._where)
+        self._recorded = self.recording.times(self._topic.name)[[chosen[0], chosen[-1]]]
+
+        self.sensor = sensor_of_folder(folder, override, self._scans.sensor)
         self._offset: Offset | None = None
         first, odd = self._first_scans()
-        said = conventions_of_folder(folder, sensor).said(stamp, point_time)
-        self._columns = find_columns(first, self.sensor, said, usual_step(self.stamps), self._where)
+        said = conventions_of_folder(folder, override).said(stamp, point_time)
+        columns = find_columns(first, self.sensor, said, usual_step(self.stamps), self._where)
+        self._columns = self._scans.with_known_rings(columns, self.sensor)
         self.point_times, self.rings = self._columns.times, self._columns.rings
 
-        mounting = mounting_of(self.recording)
         self.calibration, self._images, blind = self._camera(image_topic, clouds, mounting, folder)
         self.ground_truth, untrue = self._truth(truth_topic, clouds, mounting)
-        told = (*self.recording.problems, *several, *clock_problems(clouds, str(self._where)), *repaired, *odd)
+        told = (
+            *self.recording.problems,
+            *several,
+            *self._scans.problems,
+            *clock_problems(clouds, str(self._where)),
+            *repaired,
+            *odd,
+        )
         nominal = nominal_lines(self.sensor, path)
         self.problems = (*told, *nominal, *self._columns.problems, *blind, *untrue)
 
@@ -144,16 +160,8 @@ class RecordedDrive:
         return chosen
 
     def points(self, position: int) -> Points:
-        """A scan as its message has it."""
-        number = int(self.numbers[position])
-        name = self._name(number)
-        try:
-            content, encoding = self.recording.read(self._topic.name, number)
-            return points_of(CLOUDS[self._topic.type](content, encoding), name, self._offset)
-        except (UnreadableError, InputError) as error:
-            text = str(error).removeprefix(f"{name}: ")
-            problem = Problem("missing scan", f"{name}: cannot be read ({text}); no points used")
-            return Points(np.zeros((0, 3), np.float32), problems=(problem,))
+        """A scan as the recording has it."""
+        return self._scans.points(position, self._offset)
 
     def _first_scans(self) -> tuple[list[tuple[Points, float | None]], tuple[Problem, ...]]:
         """The first with points, and their stamps; where these are in a map's frame, it is moved for all scans."""
@@ -224,9 +232,8 @@ class RecordedDrive:
 
     def _around(self, topic: str) -> Array:
         """The numbers of a topic's messages that were recorded while the scans were."""
-        scans, times = self.recording.times(self._topic.name)[self.numbers], self.recording.times(topic)
-        margin = int(MARGIN * 1e9)
-        return np.flatnonzero((times >= scans.min() - margin) & (times <= scans.max() + margin))
+        times, margin = self.recording.times(topic), int(MARGIN * 1e9)
+        return np.flatnonzero((times >= self._recorded.min() - margin) & (times <= self._recorded.max() + margin))
 
     def _image_reader(self, number: int) -> Callable[[], Array | None]:
         """A function that reads an image (H, W, 3) uint8 RGB; it gives None without a number or for a damaged one."""
@@ -247,16 +254,6 @@ class RecordedDrive:
 
 def _no_image() -> Array | None:
     return None
-
-
-def _in_order(found: Stamped) -> Stamped:
-    """Messages by their stamps where they were recorded a little out of order, as networks deliver them."""
-    order = np.argsort(found.stamps, kind="stable")
-    known = np.isfinite(found.stamps).all()
-    late = np.maximum.accumulate(found.stamps) - found.stamps if known else np.zeros(1)
-    if not known or late.max() == 0 or late.max() > SHUFFLED:
-        return found
-    return Stamped(found.numbers[order], found.stamps[order], found.lag, found.by_header, found.frame)
 
 
 def _nearest(taken: Array, wanted: Array, period: float) -> Array:

@@ -14,6 +14,7 @@ CLOUD, IMAGE, COMPRESSED = (f"sensor_msgs/msg/{name}" for name in ("PointCloud2"
 CAMERA_INFO, IMU, FIX = (f"sensor_msgs/msg/{name}" for name in ("CameraInfo", "Imu", "NavSatFix"))
 ODOMETRY, PATH, TRANSFORMS = "nav_msgs/msg/Odometry", "nav_msgs/msg/Path", "tf2_msgs/msg/TFMessage"
 OLD_TRANSFORMS = "tf/msg/tfMessage"
+STRING, VELODYNE_SCAN = "std_msgs/msg/String", "velodyne_msgs/msg/VelodyneScan"
 POSE, POSE_WITH_COVARIANCE = (f"geometry_msgs/msg/{name}" for name in ("PoseStamped", "PoseWithCovarianceStamped"))
 
 

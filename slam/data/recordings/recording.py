@@ -28,11 +28,13 @@ from slam.data.recordings.messages import (
     PATH,
     POSE,
     POSE_WITH_COVARIANCE,
+    STRING,
     TRANSFORMS,
     Header,
     header_of,
     read_message,
 )
+from slam.data.recordings.packets import PACKETS
 from slam.data.recordings.rosbag1 import Rosbag1
 from slam.data.recordings.sqlite import Sqlite
 
@@ -40,7 +42,7 @@ CONTAINERS: dict[str, Callable[[Path, Collection[str]], Container]] = {".bag": R
 PACKED = (".zstd", ".zst")  # of whole files, as rosbag2 may pack them
 TRUTH_TYPES = (ODOMETRY, POSE, POSE_WITH_COVARIANCE, PATH)
 #: Of which every message can be read. All others are counted.
-READ = frozenset((*CLOUDS, IMAGE, COMPRESSED, CAMERA_INFO, *TRUTH_TYPES, TRANSFORMS, OLD_TRANSFORMS))
+READ = frozenset((*CLOUDS, *PACKETS, STRING, IMAGE, COMPRESSED, CAMERA_INFO, *TRUTH_TYPES, TRANSFORMS, OLD_TRANSFORMS))
 
 
 @dataclass(frozen=True, eq=False)

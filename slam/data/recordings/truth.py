@@ -27,8 +27,12 @@ def read_truth(
     """Poses (N, 4, 4) T_world_lidar at `stamps` (N,) [s] of the scans `clouds`, the first known one the identity, NaN
     where the topic has none; None where it has none at all. And what is wrong with them."""
     where = f"{recording.path}: {topic.name}"
-    times, poses, body = _of_path(recording, topic) if topic.type == PATH else _of_messages(recording, topic, clouds)
-    T_body_lidar, problems = _mounted(mounting, body, clouds.frame, where)
+    if topic.type == PATH:
+        times, poses, body = path_poses(recording, topic)
+    else:
+        found, poses, body = message_poses(recording, topic)
+        times = found.on(clouds)
+    T_body_lidar, problems = mounted(mounting, body, clouds.frame, where)
     sound = np.isfinite(times) & np.isfinite(poses).all(axis=(1, 2))
     order = np.flatnonzero(sound)[np.argsort(times[sound], kind="stable")]
     order = order[np.concatenate([[True], np.diff(times[order]) > 0])[: len(order)]]
@@ -49,8 +53,8 @@ def read_truth(
     return se3.from_first(truth), problems
 
 
-def _of_messages(recording: Recording, topic: Topic, clouds: Stamped) -> tuple[Array, Array, str]:
-    """Stamps (M,) on the scans' clock, poses (M, 4, 4), and the frame that they are of."""
+def message_poses(recording: Recording, topic: Topic) -> tuple[Stamped, Array, str]:
+    """Stamps (M,), poses (M, 4, 4), NaN where a message cannot be read, and their frame, '' if unknown."""
     found = stamped(recording, topic.name, np.arange(topic.count))
     poses, body = np.full((topic.count, 4, 4), np.nan), ""
     for number in range(topic.count):
@@ -61,10 +65,10 @@ def _of_messages(recording: Recording, topic: Topic, clouds: Stamped) -> tuple[A
         pose = message.pose.pose if topic.type in (ODOMETRY, POSE_WITH_COVARIANCE) else message.pose
         poses[number] = pose_of(pose.position, pose.orientation)
         body = body or (message.child_frame_id.lstrip("/") if topic.type == ODOMETRY else "")
-    return found.on(clouds), poses, body
+    return found, poses, body
 
 
-def _of_path(recording: Recording, topic: Topic) -> tuple[Array, Array, str]:
+def path_poses(recording: Recording, topic: Topic) -> tuple[Array, Array, str]:
     """The same of a Path, whose last message has all of the way."""
     for number in range(topic.count - 1, -1, -1):
         try:
@@ -81,7 +85,7 @@ def _seconds(stamp: Any) -> float:
     return (int(stamp.sec) * 10**9 + int(stamp.nanosec)) / 10**9
 
 
-def _mounted(mounting: Mounting, body: str, lidar: str, where: str) -> tuple[Array, tuple[Problem, ...]]:
+def mounted(mounting: Mounting, body: str, lidar: str, where: str) -> tuple[Array, tuple[Problem, ...]]:
     """T_body_lidar (4, 4); where nothing says it, the body is taken for the LiDAR."""
     if body in ("", lidar):
         return np.eye(4), ()

@@ -33,20 +33,20 @@ class RecordingWriter:
     """Writes messages of rosbags' types; `types` is its store of them, by which messages are made, too."""
 
     def __init__(self, writer: Any, types: Any, ros1: bool) -> None:
-        self._writer, self._types, self._ros1 = writer, types, ros1
+        self._writer, self.types, self._ros1 = writer, types, ros1
         self._connections: dict[str, Any] = {}
 
     def write(self, topic: str, nanoseconds: int, message: Any) -> None:
         """A message as recorded at that time; all of a topic are of one type."""
         kind = message.__msgtype__
         if topic not in self._connections:
-            self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self._types)
-        serialize = self._types.serialize_ros1 if self._ros1 else self._types.serialize_cdr
+            self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self.types)
+        serialize = self.types.serialize_ros1 if self._ros1 else self.types.serialize_cdr
         self._writer.write(self._connections[topic], nanoseconds, serialize(message, kind))
 
     def make(self, kind: str, **fields: Any) -> Any:
         """A message of a type; fields that ROS 2 has in lower case may be so in both."""
-        made = self._types.types[kind]
+        made = self.types.types[kind]
         names = {name.lower() if name.isupper() else name: name for name in made.__dataclass_fields__}
         return made(**{names[name]: value for name, value in fields.items()})
 
@@ -138,7 +138,7 @@ class RecordingWriter:
 
     def livox(self, nanoseconds: int, frame: str, points: Array) -> Any:
         """CustomMsg of Livox' driver of points (N,) with the fields of `LIVOX_POINT`."""
-        make = self._types.types["livox_ros_driver2/msg/CustomPoint"]
+        make = self.types.types["livox_ros_driver2/msg/CustomPoint"]
         names = [name for name, _ in LIVOX_POINT]
         return self.make(
             LIVOX,

@@ -1,4 +1,4 @@
-"""A drive of three frames towards the wall of the street, and its pack."""
+"""A sequence of three frames towards the wall of the street, and its pack."""
 
 from __future__ import annotations
 
@@ -68,14 +68,14 @@ def image(seed: int) -> Array:
 
 
 @pytest.fixture
-def drive(tmp_path: Path, dense: PointCloud) -> Drive:
+def sequence(tmp_path: Path, dense: PointCloud) -> Drive:
     """The scan of the street, and how its points lie STEP and 2 STEP farther on."""
     return Drive(tmp_path, [dense.with_xyz(dense.xyz - [position * STEP, 0, 0]) for position in range(3)])
 
 
 @pytest.fixture
-def pack(tmp_path: Path, drive: Drive) -> Pack:
-    return packed(tmp_path / "street.npz", [Source(drive, drive.ground_truth, neighbours=1)])
+def pack(tmp_path: Path, sequence: Drive) -> Pack:
+    return packed(tmp_path / "street.npz", [Source(sequence, sequence.ground_truth, neighbours=1)])
 
 
 @pytest.fixture

@@ -31,10 +31,10 @@ WHOLE = Window(0, 0, 40, 120)
 
 
 @pytest.mark.parametrize("phase", [0, 3])
-def test_the_input_equals_that_of_a_run(drive: Any, pack: Pack, phase: int) -> None:
-    frame = drive[0]
+def test_the_input_equals_that_of_a_run(sequence: Any, pack: Pack, phase: int) -> None:
+    frame = sequence[0]
     rings = np.arange(64)
-    scan = SparseScan(frame.cloud, drive.sensor, rings, frame.read_image, frame.calibration)
+    scan = SparseScan(frame.cloud, sequence.sensor, rings, frame.read_image, frame.calibration)
     expected = downsampled(project_scan(scan.without(rings[rings % 4 != phase])).image, 0.5)
     found = sparse(pack[0], WHOLE, 4, phase)
     assert (found > 0).sum() > 500

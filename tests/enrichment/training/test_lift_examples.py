@@ -50,24 +50,24 @@ def test_held_out_rings_of_a_sparse_lidar_are_not_adjacent(seed: int, sensor: Se
     assert place.max() < 15
 
 
-def test_targets_are_on_their_rays(drive: Any) -> None:
-    given = ValidationScans([drive])[0]
+def test_targets_are_on_their_rays(sequence: Any) -> None:
+    given = ValidationScans([sequence])[0]
     known = (given.truth > 0) & (given.rays[:, Ray.KNOWN] > 0)
     assert known.sum() > 10_000
     segment = given.candidates[:, Candidate.SEGMENT]
     assert (segment - given.truth)[known].abs().median() < 0.05  # ground and a wall: planes nearly everywhere
 
 
-def test_mirroring_reverses_columns(drive: Any) -> None:
-    frame, rings = drive[1], np.arange(64)
+def test_mirroring_reverses_columns(sequence: Any) -> None:
+    frame, rings = sequence[1], np.arange(64)
     kept, asked = rings[::4], rings[rings % 4 > 0]
     one, other = (example(frame, HDL64, kept, asked, None, mirrored=mirrored) for mirrored in (False, True))
     for name in ("rings", "rays", "candidates", "truth"):
         torch.testing.assert_close(getattr(one, name), getattr(other, name).flip(-1), rtol=1e-4, atol=1e-4)
 
 
-def test_examples_depend_on_seed_and_number_only(drive: Any) -> None:
-    first, later = TrainingScans([drive], False, 3, 0, 4), TrainingScans([drive], False, 3, 2, 2)
+def test_examples_depend_on_seed_and_number_only(sequence: Any) -> None:
+    first, later = TrainingScans([sequence], False, 3, 0, 4), TrainingScans([sequence], False, 3, 2, 2)
     for one, other in zip(first[2], later[0], strict=True):
         assert torch.equal(one, other)
     assert not all(
@@ -75,31 +75,31 @@ def test_examples_depend_on_seed_and_number_only(drive: Any) -> None:
     )
 
 
-def test_every_epoch_has_all_scans(drive: Any) -> None:
+def test_every_epoch_has_all_scans(sequence: Any) -> None:
     looked_at = []
 
-    class Watched(type(drive)):  # type: ignore[misc]
+    class Watched(type(sequence)):  # type: ignore[misc]
         ground_truth = None  # nobody knows where the scans before were, so they are not looked at
 
         def __getitem__(self, position: int) -> Any:
             looked_at.append(position)
             return super().__getitem__(position)
 
-    watched = Watched(**vars(drive))
+    watched = Watched(**vars(sequence))
     scans = TrainingScans([watched], False, 0, 0, 6)
     for number in range(6):
         scans[number]
     assert sorted(looked_at[:3]) == sorted(looked_at[3:]) == [0, 1, 2]
 
 
-def test_an_unknown_sensor_model_is_an_error(drive: Any) -> None:
+def test_an_unknown_sensor_model_is_an_error(sequence: Any) -> None:
     with pytest.raises(InputError, match=r"the sensor model is unknown; add a sensor\.yaml to the folder"):
-        LiftTask([replace(drive, sensor=None)], [])
+        LiftTask([replace(sequence, sensor=None)], [])
 
 
-def test_history_holds_the_scans_before(drive: Any) -> None:
-    """The street has a wall ahead, and the drive goes a metre nearer with each scan."""
-    moved = replace(drive, clouds=[cloud.with_xyz(cloud.xyz - [k, 0, 0]) for k, cloud in enumerate(drive.clouds)])
+def test_history_holds_the_scans_before(sequence: Any) -> None:
+    """The street has a wall ahead, and the LiDAR moves a metre towards it with each scan."""
+    moved = replace(sequence, clouds=[cloud.with_xyz(cloud.xyz - [k, 0, 0]) for k, cloud in enumerate(sequence.clouds)])
     found = past_of(moved, 2)
     assert len(found) == 2
     for k, (cloud, T_now_then) in enumerate(found):
@@ -111,8 +111,8 @@ def test_history_holds_the_scans_before(drive: Any) -> None:
     assert has_past.float().mean() > 0.05
 
 
-def test_crops_have_no_targets_near_their_edges(drive: Any) -> None:
-    whole = ValidationScans([drive])[0]
+def test_crops_have_no_targets_near_their_edges(sequence: Any) -> None:
+    whole = ValidationScans([sequence])[0]
     part = crop_columns(whole, 10)
     assert part.rays.shape[-1] == part.rings.shape[-1] == CROP
     torch.testing.assert_close(part.rays[..., CROP // 2], whole.rays[..., 10])
@@ -122,11 +122,11 @@ def test_crops_have_no_targets_near_their_edges(drive: Any) -> None:
     torch.testing.assert_close(inside[..., CROP // 2 - MARGIN], whole.truth[..., 10])
 
 
-def test_scans_with_the_same_rings_are_batched(drive: Any) -> None:
+def test_scans_with_the_same_rings_are_batched(sequence: Any) -> None:
     """The loss does not depend on the order, and scans of other rings may be among them."""
     torch.manual_seed(0)
-    task, network = LiftTask([drive], []), Lift().eval()
-    batch = [TrainingScans([drive], False, seed, 0, 1)[0] for seed in (2, 3, 4)]
+    task, network = LiftTask([sequence], []), Lift().eval()
+    batch = [TrainingScans([sequence], False, seed, 0, 1)[0] for seed in (2, 3, 4)]
     assert [scan.rays.shape[2] for scan in batch] == [45, 49, 45]
     plan = Plan("lift", 1)
     with torch.no_grad():

@@ -106,7 +106,7 @@ def test_weights_trained_on_kitti_are_non_commercial(pack: Pack, tmp_path: Path,
     tiny()
     training = Training(replace(PLAN, steps=1), ImageTask([pack], []), tmp_path / "out")
     train(training, "cpu")
-    pack.drives = (replace(pack.drives[0], licence="KITTI, CC BY-NC-SA 3.0"),)
+    pack.sequences = (replace(pack.sequences[0], licence="KITTI, CC BY-NC-SA 3.0"),)
     assert write_results(training, "") is None
     card = " ".join((tmp_path / "out" / "tiny.md").read_text().split())
     assert "CC BY-NC-SA 3.0: these weights are for non-commercial use only" in card

@@ -13,9 +13,9 @@ from enrichment.training.samples import Source
 from slam.data.errors import InputError
 
 
-def test_samples_are_packed_and_unpacked(drive: Any, tmp_path: Path) -> None:
-    samples = [sample for sample in Source(drive, drive.ground_truth) if sample is not None]
-    packed(tmp_path / "a.npz", [Source(drive, drive.ground_truth)])
+def test_samples_are_packed_and_unpacked(sequence: Any, tmp_path: Path) -> None:
+    samples = [sample for sample in Source(sequence, sequence.ground_truth) if sample is not None]
+    packed(tmp_path / "a.npz", [Source(sequence, sequence.ground_truth)])
     pack = Pack(tmp_path / "a.npz")
     assert len(pack) == len(samples) == 3
     for index, sample in enumerate(samples):
@@ -26,33 +26,33 @@ def test_samples_are_packed_and_unpacked(drive: Any, tmp_path: Path) -> None:
         assert (again.scale, again.ring_step) == (0.5, 4)
 
 
-def test_a_pack_holds_several_sequences(drive: Any, tmp_path: Path) -> None:
-    class Another(type(drive)):  # type: ignore[misc]
+def test_a_pack_holds_several_sequences(sequence: Any, tmp_path: Path) -> None:
+    class Another(type(sequence)):  # type: ignore[misc]
         name = "another"
 
-    other = Another(tmp_path, drive.clouds[:2], without_image=frozenset({0}), name="another")
+    other = Another(tmp_path, sequence.clouds[:2], without_image=frozenset({0}), name="another")
     seen: list[None] = []
-    pack = packed(tmp_path / "a.npz", [Source(drive), Source(other)], lambda: seen.append(None))
-    assert [(entry.name, entry.frames) for entry in pack.drives] == [("street", (10, 11, 12)), ("another", (11,))]
-    assert pack.drives[0].target == "returns of the scan"
+    pack = packed(tmp_path / "a.npz", [Source(sequence), Source(other)], lambda: seen.append(None))
+    assert [(entry.name, entry.frames) for entry in pack.sequences] == [("street", (10, 11, 12)), ("another", (11,))]
+    assert pack.sequences[0].target == "returns of the scan"
     assert len(pack) == 4
     assert len(seen) == 5
     np.testing.assert_array_equal(pack[3].returns, pack[1].returns)
 
 
-def test_a_pack_is_written_once(drive: Any, tmp_path: Path) -> None:
+def test_a_pack_is_written_once(sequence: Any, tmp_path: Path) -> None:
     path, seen = tmp_path / "a.npz", list[None]()
-    packed(path, [Source(drive)])
-    assert len(packed(path, [Source(drive)], lambda: seen.append(None))) == 3
+    packed(path, [Source(sequence)])
+    assert len(packed(path, [Source(sequence)], lambda: seen.append(None))) == 3
     assert not seen
     with pytest.raises(InputError, match=r"a\.npz: packed from other sequences or settings"):
-        packed(path, [Source(drive, scale=1.0)])
+        packed(path, [Source(sequence, scale=1.0)])
 
 
-def test_a_sequence_without_images_is_an_error(drive: Any, tmp_path: Path) -> None:
-    drive.without_image = frozenset({0, 1, 2})
+def test_a_sequence_without_images_is_an_error(sequence: Any, tmp_path: Path) -> None:
+    sequence.without_image = frozenset({0, 1, 2})
     with pytest.raises(InputError, match="no frame has both an image"):
-        packed(tmp_path / "a.npz", [Source(drive)])
+        packed(tmp_path / "a.npz", [Source(sequence)])
     assert not (tmp_path / "a.npz").exists()
 
 

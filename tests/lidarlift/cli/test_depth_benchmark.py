@@ -69,7 +69,7 @@ def test_errors_are_one_line(lidarlift: Command, street_drive: Drive) -> None:
     drive = street_drive({0: b""})
     lidarlift("depth-benchmark", "nowhere").refused("nowhere")
     lidarlift("depth-benchmark", drive, "--method", "delauny").refused("delauny", "did you mean 'delaunay'")
-    lidarlift("depth-benchmark", drive, "--frames", "20:").refused("the drive has 8")
+    lidarlift("depth-benchmark", drive, "--frames", "20:").refused("the sequence has 8")
     lidarlift("depth-benchmark", drive, "--frames", "8").refused("FROM:TO")
     lidarlift("depth-benchmark", drive, "--sensor", "vlp16", "--phase", "2").refused("--phase 2", "use 0 or 1")
     result = lidarlift("depth-benchmark", drive, "--frames", ":1")

@@ -69,7 +69,7 @@ def test_motion_compensated_scans_are_an_error(lidarlift: Command, street_drive:
 
 
 def test_an_empty_frame_range_is_an_error(lidarlift: Command, raw: Path) -> None:
-    lidarlift("fit-lasers", raw, "--frames", "20:").refused("no frames in that range", "the drive has 8")
+    lidarlift("fit-lasers", raw, "--frames", "20:").refused("no frames in that range", "the sequence has 8")
 
 
 def test_help_has_an_example(lidarlift: Command) -> None:

@@ -147,5 +147,5 @@ def test_json_output(lidarlift: Command, street_drive: Drive) -> None:
 
 def test_no_data_set_is_an_error(lidarlift: Command, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    lidarlift("info", tmp_path / "empty").refused("no drive found")
+    lidarlift("info", tmp_path / "empty").refused("no sequence found")
     lidarlift("info", tmp_path / "nowhere").refused("no such folder")

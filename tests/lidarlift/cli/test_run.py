@@ -99,7 +99,7 @@ def test_frames_beyond_the_end_are_an_error(lidarlift: Command, street_drive: Dr
     result = lidarlift("run", street_drive(), "--frames", "20:30")
     assert result.code == 1
     assert "Error: " in result.err
-    assert "the drive has 8" in result.err
+    assert "the sequence has 8" in result.err
     assert not Path("runs").exists()
 
 
@@ -142,7 +142,7 @@ def test_settings_are_applied(lidarlift: Command, street_drive: Drive) -> None:
 
 def test_an_empty_folder_is_an_error(lidarlift: Command, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    lidarlift("run", "empty").refused("no drive found; looked for KITTI odometry")
+    lidarlift("run", "empty").refused("no sequence found; looked for KITTI odometry")
 
 
 def test_a_missing_folder_is_an_error(lidarlift: Command) -> None:

@@ -62,7 +62,7 @@ def test_help_has_examples(lidarlift: Command) -> None:
 
 def test_errors_are_one_line(lidarlift: Command, filmed: Path) -> None:
     lidarlift("study", "edges", "nowhere").refused("nowhere")
-    lidarlift("study", "edges", filmed, "--frames", "9:").refused("the drive has 8")
+    lidarlift("study", "edges", filmed, "--frames", "9:").refused("the sequence has 8")
     result = lidarlift("study", "edges", filmed, "--frames", "3:4")
     assert result.code == 1
     assert "no image" in result.err

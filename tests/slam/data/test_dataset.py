@@ -55,7 +55,7 @@ def test_a_drive_is_found_from_any_level(tmp_path: Path, hdl64_scan: Callable) -
     assert open_dataset(tmp_path).name == "KITTI raw 2011_09_26_drive_0013"
 
 
-def test_what_is_no_drive_is_refused_with_what_was_looked_for(tmp_path: Path) -> None:
+def test_a_path_without_a_sequence_is_an_error_that_lists_the_known_layouts(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="looked for KITTI odometry"):
         open_dataset(tmp_path)
     with pytest.raises(InputError, match="no such folder"):
@@ -87,24 +87,34 @@ def test_positions_past_the_end_end_a_loop(odometry_root: Path) -> None:
 def test_another_package_adds_a_kind_of_data_set(
     installed: Callable[[str, str, dict[str, str]], Path], tmp_path: Path
 ) -> None:
-    """One whose drives are files."""
+    """One whose sequences are files."""
     source = (
         "class Text:\n"
-        "    LAYOUT = 'text files (*.drive)'\n"
+        "    LAYOUT = 'text files (*.text)'\n"
         "    @staticmethod\n"
-        "    def drives(path):\n"
-        "        return {file.stem: file for file in sorted(path.glob('*.drive'))}\n"
+        "    def sequences(path):\n"
+        "        return {file.stem: file for file in sorted(path.glob('*.text'))}\n"
         "    def __init__(self, path, sensor):\n"
         "        self.name, self.path, self.sensor = path.stem, path, sensor\n"
     )
-    site = installed("text-drives", "[lidarlift.datasets]\ntext = text_drives:Text\n", {"text_drives.py": source})
+    site = installed(
+        "text-sequences", "[lidarlift.datasets]\ntext = text_sequences:Text\n", {"text_sequences.py": source}
+    )
     (tmp_path / "data").mkdir()
     for name in ("a", "b"):
-        (tmp_path / "data" / f"{name}.drive").touch()
+        (tmp_path / "data" / f"{name}.text").touch()
     assert open_dataset(tmp_path / "data", "b").name == "b"
     with pytest.raises(InputError, match="several sequences; name one with --sequence: a, b"):
         open_dataset(tmp_path / "data")
-    with pytest.raises(InputError, match=r"no drive found; looked for KITTI .*, text files \(\*\.drive\) and scans"):
+    with pytest.raises(InputError, match=r"no sequence found; looked for KITTI .*, text files \(\*\.text\) and scans"):
+        open_dataset(site)
+
+
+def test_a_loader_of_version_0_2_is_refused(installed: Callable[[str, str, dict[str, str]], Path]) -> None:
+    """Its method `sequences` was called `drives`."""
+    source = "class Old:\n    LAYOUT = 'old files'\n    @staticmethod\n    def drives(path):\n        return {}\n"
+    site = installed("old-loader", "[lidarlift.datasets]\nold = old_loader:Old\n", {"old_loader.py": source})
+    with pytest.raises(InputError, match=r"data set 'old': its loader has no method 'sequences' .*; update"):
         open_dataset(site)
 
 
@@ -112,12 +122,12 @@ def test_a_range_without_frames_is_refused(odometry_root: Path) -> None:
     dataset = open_dataset(odometry_root)
     assert list(chosen_positions(dataset, slice(None))) == list(range(len(dataset)))
     assert list(chosen_positions(dataset, slice(None, None, -1)))[-1] == 0
-    with pytest.raises(InputError, match=f"no frames in that range; the drive has {len(dataset)}, from 0"):
+    with pytest.raises(InputError, match=f"no frames in that range; the sequence has {len(dataset)}, from 0"):
         chosen_positions(dataset, slice(len(dataset), None))
 
 
 def test_scans_one_folder_deeper_are_pointed_to(tmp_path: Path) -> None:
     (tmp_path / "raw").mkdir()
     (tmp_path / "raw" / "0.bin").write_bytes(bytes(48))
-    with pytest.raises(InputError, match=r"no drive found here, but scans in .*raw; name that folder"):
+    with pytest.raises(InputError, match=r"no sequence found here, but scans in .*raw; name that folder"):
         open_dataset(tmp_path)

@@ -65,7 +65,7 @@ def test_seven_neighbours_recover_a_motion(hall: Sampler) -> None:
 
 def test_seven_neighbours_include_the_cells_across_each_face() -> None:
     within = np.random.default_rng(0).uniform(0.2, 0.8, (20, 3)).astype(np.float32)
-    cells = VoxelGaussians(1.0, 5, 1000, floor=0.003)
+    cells = VoxelGaussians(1.0, 5, 1000, regularisation=0.003)
     cells.insert(within, ones(within), np.eye(4))
     steps = np.array([[0, 0, 0], *np.eye(3), *-np.eye(3), [1, 1, 0], [2, 0, 0]])
     met = {}
@@ -88,7 +88,7 @@ def test_score_is_maximal_at_the_true_pose(in_hall: NdtTarget, hall: Sampler) ->
 def test_gradient_is_the_derivative_of_the_cost(motion: Array, seed: int, neighbours: int) -> None:
     """With a huge kernel all robust weights are 1 and the cost, half the sum of w m, is quadratic in the residual."""
     rng = np.random.default_rng(seed)
-    cells = VoxelGaussians(2.0, 5, 1000, floor=0.003)
+    cells = VoxelGaussians(2.0, 5, 1000, regularisation=0.003)
     cloud = rng.uniform(-6, 6, (4000, 3)).astype(np.float32)
     cells.insert(cloud, ones(cloud), np.eye(4))
     pose = se3.exp(motion)

@@ -22,7 +22,7 @@ def ones(xyz: Array) -> Array:
 
 def seen(xyz: Array, surfaces: bool = True, size: float = 1.0) -> VoxelGaussians:
     """Cells with points (N, 3) of the world, seen by a level sensor."""
-    cells, pose = VoxelGaussians(size, 5, 1000, floor=0.003, surfaces=surfaces), np.eye(4)
+    cells, pose = VoxelGaussians(size, 5, 1000, regularisation=0.003, surfaces=surfaces), np.eye(4)
     pose[:3, 3] = SENSOR
     cells.insert((xyz - SENSOR).astype(np.float32), ones(xyz), pose)
     return cells
@@ -87,7 +87,7 @@ def test_a_wall_constrains_its_normal_only() -> None:
     shares, axes = np.linalg.eigh(information(wall))
     assert abs(axes[:, 2] @ ACROSS) > np.cos(np.deg2rad(2))
     assert np.abs(shares[:2]).max() < 1e-9 * shares[2]
-    assert 0.01 < along(wall, ACROSS) < 0.05  # the thickness, and the floor: a share of the width
+    assert 0.01 < along(wall, ACROSS) < 0.05  # the thickness, and the regularisation: a share of the width
 
 
 def test_the_ground_is_constrained_by_two_rings_and_not_by_one() -> None:

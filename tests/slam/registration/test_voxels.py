@@ -23,7 +23,7 @@ def at(x: float, y: float = 0.0, z: float = 0.0) -> Array:
 
 
 def gaussian(cells: VoxelGaussians, probe: Array) -> tuple[Array, Array] | None:
-    """Mean and covariance (with its floor) of the cell in which `probe` (3,) lies; None if it has no Gaussian.
+    """Mean and covariance (with its regularisation) of the cell in which `probe` (3,) lies; None if it has no Gaussian.
 
     A single point with the identity's rotation gives H[3:, 3:] = S^-1 and gradient[3:] = S^-1 (x - mean).
     """
@@ -107,7 +107,7 @@ def test_mean_and_covariance_agree_with_numpy(offset: float) -> None:
     rng = np.random.default_rng(3)
     local = rng.normal(5, [0.8, 0.3, 0.05], (300, 3)) @ se3.exp(np.array([0.3, 0.2, 0.4, 0, 0, 0]))[:3, :3].T + 0.0
     local = np.clip(local - local.mean(axis=0) + 5, 0.5, 9.5).astype(np.float32)
-    cells = VoxelGaussians(10.0, 3, 10_000, floor=0.0)
+    cells = VoxelGaussians(10.0, 3, 10_000, regularisation=0.0)
     for part in np.array_split(local, 7):  # scan by scan
         cells.insert(part, ones(part), at(offset, -offset, 0.0))
     assert len(cells) == 1
@@ -123,12 +123,12 @@ def test_mean_and_covariance_are_weighted() -> None:
     rng = np.random.default_rng(4)
     xyz = rng.uniform(1, 3, (50, 3)).astype(np.float32)
     weight = rng.uniform(0.1, 1, 50).astype(np.float32)
-    cells = VoxelGaussians(4.0, 3, 1000, floor=0.0)
+    cells = VoxelGaussians(4.0, 3, 1000, regularisation=0.0)
     cells.insert(xyz, weight, np.eye(4))
     found = gaussian(cells, np.array([2.0, 2, 2]))
     assert found is not None
     np.testing.assert_allclose(found[0], np.average(xyz, axis=0, weights=weight), atol=1e-6)
-    doubled = VoxelGaussians(4.0, 3, 1000, floor=0.0)
+    doubled = VoxelGaussians(4.0, 3, 1000, regularisation=0.0)
     doubled.insert(xyz, 2 * weight, np.eye(4))  # only the ratio of the weights matters
     again = gaussian(doubled, np.array([2.0, 2, 2]))
     assert again is not None
@@ -138,7 +138,7 @@ def test_mean_and_covariance_are_weighted() -> None:
 def test_points_are_transformed_by_the_pose() -> None:
     xyz = np.random.default_rng(5).uniform(-0.5, 0.5, (40, 3)).astype(np.float32)
     pose = se3.exp(np.array([0.4, -0.2, 1.1, 3, 2, 1.0]))
-    cells = VoxelGaussians(20.0, 3, 1000, floor=0.0)
+    cells = VoxelGaussians(20.0, 3, 1000, regularisation=0.0)
     cells.insert(xyz, ones(xyz), pose)
     moved = xyz @ pose[:3, :3].T + pose[:3, 3]
     found = gaussian(cells, moved.mean(axis=0))
@@ -149,7 +149,7 @@ def test_points_are_transformed_by_the_pose() -> None:
 def test_a_flat_cell_stays_invertible() -> None:
     xyz = np.random.default_rng(6).uniform(0.1, 0.9, (100, 3)).astype(np.float32)
     xyz[:, 2] = 0.5
-    cells = VoxelGaussians(1.0, 5, 1000, floor=0.003)
+    cells = VoxelGaussians(1.0, 5, 1000, regularisation=0.003)
     cells.insert(xyz, ones(xyz), np.eye(4))
     found = gaussian(cells, np.array([0.5, 0.5, 0.5]))
     assert found is not None
@@ -159,7 +159,7 @@ def test_a_flat_cell_stays_invertible() -> None:
 
 def test_no_gaussian_below_min_points() -> None:
     xyz = np.random.default_rng(7).uniform(0.1, 0.9, (4, 3)).astype(np.float32)
-    cells = VoxelGaussians(1.0, 5, 1000, floor=0.003)
+    cells = VoxelGaussians(1.0, 5, 1000, regularisation=0.003)
     cells.insert(xyz, ones(xyz), np.eye(4))
     assert len(cells) == 1
     assert gaussian(cells, np.array([0.5, 0.5, 0.5])) is None
@@ -170,7 +170,7 @@ def test_no_gaussian_below_min_points() -> None:
 def test_a_cell_with_max_points_is_not_updated() -> None:
     rng = np.random.default_rng(8)
     first, later = rng.uniform(0.1, 0.4, (20, 3)).astype(np.float32), rng.uniform(0.6, 0.9, (20, 3)).astype(np.float32)
-    cells = VoxelGaussians(1.0, 5, 20, floor=0.0)
+    cells = VoxelGaussians(1.0, 5, 20, regularisation=0.0)
     cells.insert(first, ones(first), np.eye(4))
     cells.insert(later, ones(later), np.eye(4))
     found = gaussian(cells, np.array([0.5, 0.5, 0.5]))
@@ -183,7 +183,7 @@ def test_a_cell_with_max_points_is_not_updated() -> None:
 def test_cells_are_kept_when_the_table_grows() -> None:
     """Far more cells than the initial capacity; all are found afterwards."""
     rng = np.random.default_rng(9)
-    cells = VoxelGaussians(1.0, 3, 1000, floor=0.0)
+    cells = VoxelGaussians(1.0, 3, 1000, regularisation=0.0)
     corners = np.stack(np.meshgrid(*[np.arange(-15, 15)] * 3), axis=-1).reshape(-1, 3)
     within = rng.uniform(0.2, 0.8, (4, 3))
     for part in np.array_split(corners, 9):
@@ -197,7 +197,7 @@ def test_cells_are_kept_when_the_table_grows() -> None:
 
 def test_clear_removes_all_cells() -> None:
     xyz = np.random.default_rng(10).uniform(0.1, 0.9, (30, 3)).astype(np.float32)
-    cells = VoxelGaussians(1.0, 5, 1000, floor=0.003)
+    cells = VoxelGaussians(1.0, 5, 1000, regularisation=0.003)
     cells.insert(xyz, ones(xyz), np.eye(4))
     cells.clear()
     assert len(cells) == 0
@@ -206,7 +206,7 @@ def test_clear_removes_all_cells() -> None:
 
 def test_evict_bounds_the_number_of_cells() -> None:
     rng = np.random.default_rng(11)
-    cells, sizes = VoxelGaussians(1.0, 3, 1000, floor=0.003), []
+    cells, sizes = VoxelGaussians(1.0, 3, 1000, regularisation=0.003), []
     xyz = rng.uniform([-5, -5, -1], [5, 5, 1], (2000, 3)).astype(np.float32)
     for k in range(60):
         cells.insert(xyz, ones(xyz), at(5.0 * k))
@@ -220,7 +220,7 @@ def test_evict_keeps_the_cells_within_the_radius() -> None:
     rng = np.random.default_rng(12)
     near, far = rng.uniform(0.1, 0.9, (30, 3)), rng.uniform([30.1, 0.1, 0.1], [30.9, 0.9, 0.9], (30, 3))
     xyz = np.concatenate([far, near]).astype(np.float32)
-    cells = VoxelGaussians(1.0, 5, 1000, floor=0.003)
+    cells = VoxelGaussians(1.0, 5, 1000, regularisation=0.003)
     cells.insert(xyz, ones(xyz), np.eye(4))
     before = gaussian(cells, np.array([0.5, 0.5, 0.5]))
     cells.evict(np.zeros(3), 10.0)

@@ -160,7 +160,7 @@ def test_no_clouds_but_packets(record: Record) -> None:
     def packet(writer: RecordingWriter, recorded: int) -> None:
         writer.write("/os/lidar_packets", recorded, writer.make("std_msgs/msg/String", data="raw"))
 
-    with pytest.raises(InputError, match=r"no point clouds in it; /os/lidar_packets \(String, 1\) may be the LiDAR's"):
+    with pytest.raises(InputError, match=r"no point clouds in it; /os/lidar_packets \(String, 1\) may be a LiDAR's"):
         opened(record([(0.0, packet)]))
 
 

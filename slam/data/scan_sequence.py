@@ -22,7 +22,7 @@ from slam.data.stamps import usual_step
 LOOKED_AT = 3 * SAMPLES  # scans at most, for as many as are needed with points
 
 
-class ScanDrive:
+class ScanSequence:
     """Scans in their order, with what belongs to them. What their intensities, rings and points' times mean is found
     from the first ones, once for all. See `Dataset` for the fields.
 
