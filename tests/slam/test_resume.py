@@ -29,7 +29,7 @@ CASES: dict[str, dict[str, Any]] = {
     "16 rings": {"input": "16"},
     "enriched": {"input": "enriched", "enricher": "ray-segment"},
     "icp": {"overrides": ["odometry.registration=icp-point-to-plane", "odometry.target=scan"]},
-    "as in the paper": {"overrides": ["odometry.information=covariance", "odometry.target=scan"]},
+    "as in the paper": {"overrides": ["odometry.information_matrix=covariance", "odometry.target=scan"]},
     "points with times": {"times": True},
     "recorded poses": {"poses": True},
 }
