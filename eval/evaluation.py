@@ -75,13 +75,19 @@ def evaluate_poses(
 
 
 def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -> Metrics:
-    """Evaluate a trajectory file against a reference file, as `lidarlift evaluate`.
+    """Evaluate a trajectory file against a reference file, as `lidarlift evaluate`. See `evaluate_trajectory`."""
+    return evaluate_trajectory(estimate, read_whole_trajectory(reference), reference, calib)
+
+
+def evaluate_trajectory(estimate: Path, theirs: Trajectory, reference: Path, calib: Path | None = None) -> Metrics:
+    """Evaluate a trajectory file against a reference.
 
     Two TUM files are associated by stamps; otherwise the numbers of poses must agree.
 
     Args:
         estimate: A file of poses in KITTI or TUM format.
-        reference: A file of poses in KITTI or TUM format.
+        theirs: The reference.
+        reference: Its file or data set, for messages.
         calib: A KITTI calibration that transforms a reference in camera-0 axes into the LiDAR frame, inv(Tr) P Tr.
 
     Returns:
@@ -93,7 +99,6 @@ def evaluate_files(estimate: Path, reference: Path, calib: Path | None = None) -
             `require_same_frame`).
     """
     stamps, e = read_poses(estimate)
-    theirs = read_whole_trajectory(reference)
     T_camera0_lidar = None if calib is None else read_camera0_calibration(calib)
     order = other_order(theirs, stamps, e, T_camera0_lidar)
     reference_stamps, g = theirs.stamps, theirs.readings[order] if order else theirs.poses

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from eval.evaluation import other_order
 from eval.runs import Row, Track, read_run
 from slam.data.body_frame import body_frame, into_lidar_frame
 from slam.data.cloud import Array
-from slam.data.dataset import open_dataset
+from slam.data.dataset import DatasetOptions, open_dataset
 from slam.data.errors import InputError
 from slam.data.pose_files import Trajectory, read_whole_trajectory, w_first_note
 from slam.data.recordings.recording import CONTAINERS
@@ -143,29 +144,32 @@ def _about_folder(path: Path) -> str:
     return f"neither a finished run (no run.json) nor a recording; give {KNOWN}; a data set is compared alone"
 
 
-def read_reference(text: str, sequence: str | None = None, truth_topic: str | None = None) -> Named:
+def read_reference(
+    text: str, sequence: str | None = None, sensor: str | Path | None = None, **options: Unpack[DatasetOptions]
+) -> Named:
     """Read the reference: a trajectory as in `read_source`, or the ground truth of a data set or of a run.
 
     Args:
         text: Its path; a recording with :TOPIC for the trajectory of that topic.
         sequence: Name of the sequence, if the data set has several.
-        truth_topic: Topic of the ground truth in a recording.
+        sensor: As in `open_dataset`, for a data set.
+        **options: Likewise.
 
     Raises:
         InputError: It cannot be read, or the data set has no ground truth.
     """
     source = replace(source_of(text), label="reference")
-    chosen = sequence is not None or truth_topic is not None
+    given = {"sequence": sequence, "sensor": sensor, **options}
     if source.topic is not None or source.is_run or (source.path.is_file() and not source.is_recording):
-        if chosen:
-            option = "--sequence" if sequence is not None else "--truth-topic"
+        if chosen := [name for name, value in given.items() if value is not None]:
+            option = f"--{chosen[0].replace('_', '-')}"
             raise InputError(f"{text}: {option} is for a data set as reference; leave it out")
         return read_source(source)
-    data = open_dataset(source.path, sequence, truth_topic=truth_topic)
+    data = open_dataset(source.path, sequence, sensor, **options)
     truth = data.ground_truth
     if truth is None:
         reason = next((problem.message for problem in data.problems if "truth" in problem.kind), "")
-        raise InputError(f"{text}: has no ground truth{f' ({reason})' if reason else ''}; give another --reference")
+        raise InputError(f"{text}: has no ground truth{f' ({reason})' if reason else ''}; give another reference")
     known = np.isfinite(truth).all(axis=(1, 2))
     return Named(Row(f"ground truth of {data.name}", Track(truth[known], data.stamps[known])))
 

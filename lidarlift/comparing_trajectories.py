@@ -122,7 +122,7 @@ def _reference(
     from eval.sources import Named, read_reference
 
     if said is not None:
-        return read_reference(str(said), sequence, truth_topic)
+        return read_reference(str(said), sequence, truth_topic=truth_topic)
     for option, value in (("--sequence", sequence), ("--truth-topic", truth_topic)):
         if value is not None:
             raise InputError(f"{option} {value}: is for a data set as --reference; leave it out, or name the data set")

@@ -6,13 +6,13 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 if TYPE_CHECKING:
     from slam.data.cloud import Array, PointCloud
-    from slam.data.dataset import Dataset
+    from slam.data.dataset import Dataset, DatasetOptions
     from slam.data.point_files import Points
     from slam.data.problem import Problem
 
@@ -92,8 +92,8 @@ def info(
     *,
     sequence: str | None = None,
     sensor: str | Path | None = None,
-    columns: str | None = None,
     every_scan: bool = False,
+    **options: Unpack[DatasetOptions],
 ) -> Info:
     """Inspect a data set: open it and read some of its scans.
 
@@ -101,8 +101,8 @@ def info(
         path: A path that `open_dataset` takes.
         sequence: Name of the sequence, if the folder has several.
         sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
-        columns: Columns of .bin and .npy scans, as in `open_dataset`.
         every_scan: Read all scans, so that all damage is found.
+        **options: Those of `open_dataset`.
 
     Raises:
         InputError: As `open_dataset`.
@@ -115,7 +115,7 @@ def info(
     from slam.data.dataset import open_dataset
     from slam.data.stamps import usual_step
 
-    data = open_dataset(path, sequence, sensor, columns=columns)
+    data = open_dataset(path, sequence, sensor, **options)
     chosen = np.arange(len(data)) if every_scan else np.linspace(0, len(data) - 1, MAX_SCANS).round().astype(int)
     inspected = [_inspect_scan(data, int(position)) for position in np.unique(chosen)]
     full = [scan for scan in inspected if scan.points] or inspected[:1]
@@ -152,7 +152,7 @@ def info(
         truth=truth,
         truth_m=truth_m,
         problems=_kinds([*data.problems, *(problem for scan in inspected for problem in scan.problems)]),
-        commands=_commands(path, {"sequence": sequence, "sensor": sensor or looks_like, "columns": columns}, rings),
+        commands=_commands(path, {"sequence": sequence, "sensor": sensor or looks_like, **options}, rings),
     )
 
 
@@ -274,8 +274,8 @@ def _kinds(problems: Sequence[Problem]) -> tuple[tuple[str, int, str], ...]:
 
 def _commands(path: str | Path, options: Mapping[str, object], rings: int | None) -> tuple[str, ...]:
     """Commands to run SLAM, and to enrich or compare where the rings allow it."""
-    given = "".join(f" --{name} {shlex.quote(str(value))}" for name, value in options.items() if value)
-    arguments = f"{shlex.quote(str(path))}{given}"
+    given = {name.replace("_", "-"): shlex.quote(str(value)) for name, value in options.items() if value}
+    arguments = " ".join([shlex.quote(str(path)), *(f"--{name} {value}" for name, value in given.items())])
     commands = [f"lidarlift run {arguments}"]
     if rings is not None and rings <= MAX_SPARSE_RINGS:
         commands.append(f"lidarlift run {arguments} --input enriched")

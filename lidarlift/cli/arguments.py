@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
@@ -14,7 +13,6 @@ from enrichment.methods.registry import METHODS
 from slam.config import preset_names
 from slam.data.errors import InputError
 from slam.data.registry import Registry
-from slam.data.sensor_names import SENSORS
 
 
 class Input(StrEnum):
@@ -26,14 +24,6 @@ class Input(StrEnum):
     ENRICHED = "enriched"
 
 
-class Stamp(StrEnum):
-    """Instant of a sweep to which its stamp refers."""
-
-    START = "start"
-    MIDDLE = "middle"
-    END = "end"
-
-
 DatasetArgument = Annotated[
     Path,
     typer.Argument(
@@ -41,18 +31,7 @@ DatasetArgument = Annotated[
         "of scans."
     ),
 ]
-SequenceOption = Annotated[str | None, typer.Option(help="Name of the sequence, if the folder has several.")]
 FramesOption = Annotated[str, typer.Option(help="Slice of the sequence, FROM:TO or FROM:TO:STEP.")]
-SensorOption = Annotated[
-    str | None,
-    typer.Option(
-        help=f"The LiDAR: {', '.join(SENSORS.names())}, a YAML file with its beams, or an Ouster's metadata (.json)."
-    ),
-]
-ColumnsOption = Annotated[
-    str | None,
-    typer.Option(help="Columns of .bin and .npy scans, if not x,y,z,intensity: x,y,z,intensity,ring,t:u4"),
-]
 ConfigOption = Annotated[str | None, typer.Option(help=f"YAML file or preset: {', '.join(preset_names())}.")]
 SetOption = Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")]
 StrictOption = Annotated[bool, typer.Option("--strict", help="Stop with an error at the first problem of the data.")]
@@ -71,43 +50,6 @@ EnricherOption = Annotated[
         "training and is faster.",
     ),
 ]
-
-StampOption = Annotated[
-    Stamp | None,
-    typer.Option(help="Instant of a sweep to which its stamp and pose refer. Default: from the points' times."),
-]
-PointTimeOption = Annotated[
-    str | None,
-    typer.Option(metavar="FIELD[:UNIT]", help="Field with the points' times: t:ns. Default: found by its values."),
-]
-
-
-TopicOption = Annotated[
-    str | None, typer.Option(help="Of a recording: the scans' topic. Default: the one with times, rings, most points.")
-]
-ImageTopicOption = Annotated[
-    str | None, typer.Option(help="Of a recording: the images' topic. Default: one with a CameraInfo.")
-]
-TruthTopicOption = Annotated[
-    str | None, typer.Option(help="Of a recording: the true poses' topic. Default: one that is called truth.")
-]
-StartOption = Annotated[
-    str | None, typer.Option(metavar="TIME", help="Of a recording: leave out so much at its start, as in 120s or 2m.")
-]
-DurationOption = Annotated[
-    str | None, typer.Option(metavar="TIME", help="Of a recording: only so much of it, as in 60s.")
-]
-TIME_UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
-
-
-def seconds(text: str | None, option: str) -> float | None:
-    """A time like 120s, 2m or 1.5h in seconds. Raises InputError on anything else."""
-    if text is None:
-        return None
-    found = re.fullmatch(r"([0-9]+\.?[0-9]*|\.[0-9]+) ?([a-z]*)", text.strip())
-    if not found or found[2] not in TIME_UNITS:
-        raise InputError(f"{option} {text}: write a time, as in 120s, 2m or 1.5h")
-    return float(found[1]) * TIME_UNITS[found[2]]
 
 
 def frame_slice(text: str) -> slice:

@@ -5,30 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lidarlift.cli.arguments import (
-    ColumnsOption,
     ConfigOption,
-    DurationOption,
     EnricherOption,
     FramesOption,
-    ImageTopicOption,
-    PointTimeOption,
-    SensorOption,
-    SequenceOption,
     SetOption,
-    StampOption,
-    StartOption,
     StrictOption,
-    TopicOption,
-    TruthTopicOption,
     frame_slice,
-    seconds,
 )
 from lidarlift.cli.console import Console
+from lidarlift.cli.data_options import DataOptions, with_data_options
 from lidarlift.comparing import available_inputs, compare_into, comparison_title, rows_for
 from lidarlift.comparing_trajectories import compared, is_of_trajectories
 from slam.data.errors import InputError
@@ -37,6 +27,7 @@ if TYPE_CHECKING:
     from eval.compare import Comparison
 
 
+@with_data_options
 def compare(
     paths: Annotated[
         list[str],
@@ -46,20 +37,11 @@ def compare(
             "of recordings (drive.bag:/odom), each as PATH or LABEL=PATH.",
         ),
     ],
-    sequence: SequenceOption = None,
+    reading: DataOptions,
     enricher: EnricherOption = None,
     config: ConfigOption = None,
     set_: SetOption = None,
     frames: FramesOption = ":",
-    sensor: SensorOption = None,
-    stamp: StampOption = None,
-    point_time: PointTimeOption = None,
-    columns: ColumnsOption = None,
-    topic: TopicOption = None,
-    image_topic: ImageTopicOption = None,
-    truth_topic: TruthTopicOption = None,
-    start: StartOption = None,
-    duration: DurationOption = None,
     reference: Annotated[
         str | None,
         typer.Option(help="Of trajectories: a trajectory or a data set. Default: the runs' ground truth."),
@@ -80,42 +62,17 @@ def compare(
     well: it needs no training. One PATH is a data set, unless it is a run folder, a trajectory file or
     RECORDING:TOPIC; several are finished runs and trajectories.
     """
-    from slam.data.dataset import open_dataset
-
-    given = {
-        "--enricher": enricher,
-        "--config": config,
-        "--set": set_,
-        "--frames": None if frames == ":" else frames,
-        "--sensor": sensor,
-        "--stamp": stamp,
-        "--point-time": point_time,
-        "--columns": columns,
-        "--topic": topic,
-        "--image-topic": image_topic,
-        "--start": start,
-        "--duration": duration,
-        "--strict": strict or None,
-    }
+    own = {"--enricher": enricher, "--config": config, "--set": set_, "--strict": strict or None}
     if is_of_trajectories(paths, reference):
+        given = own | {"--frames": None if frames == ":" else frames} | reading.given()
         for option, value in given.items():
-            if value is not None:
+            if value is not None and option not in ("--sequence", "--truth-topic"):
                 raise InputError(f"{option} is for a data set; finished runs and trajectories are read as they are")
-        _compare_trajectories(paths, reference, sequence, truth_topic, calib, out)
+        _compare_trajectories(paths, reference, reading.sequence, reading.truth_topic, calib, out)
         return
     if calib is not None:
         raise InputError(f"--calib {calib}: is for finished runs and trajectories, and {paths[0]} is a data set")
-    said: dict[str, Any] = {
-        "stamp": stamp and stamp.value,
-        "point_time": point_time,
-        "columns": columns,
-        "topic": topic,
-        "image_topic": image_topic,
-        "truth_topic": truth_topic,
-        "start": seconds(start, "--start"),
-        "duration": seconds(duration, "--duration"),
-    }
-    data = open_dataset(paths[0], sequence, sensor, **said)
+    data = reading.opened(Path(paths[0]))
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
     rows, chosen = rows_for(available_inputs(data), enricher, config, set_ or ()), frame_slice(frames)
     comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarlift.cli.arguments import ColumnsOption, FramesOption, SensorOption, SequenceOption, frame_slice
+from lidarlift.cli.arguments import FramesOption, frame_slice
 from lidarlift.cli.console import progress
+from lidarlift.cli.data_options import DataOptions, with_data_options
 from slam.data.atomic import require_writable
 
 if TYPE_CHECKING:
@@ -17,15 +18,14 @@ if TYPE_CHECKING:
     from slam.data.dataset import Dataset
 
 
+@with_data_options
 def depth_benchmark(
     dataset: Annotated[
         Path,
         typer.Argument(help="A sequence with ring indices, or KITTI's depth completion images with ground truth."),
     ],
-    sequence: SequenceOption = None,
+    reading: DataOptions,
     frames: FramesOption = ":",
-    sensor: SensorOption = None,
-    columns: ColumnsOption = None,
     phase: Annotated[
         int, typer.Option(min=0, max=3, help="Index of the first ring that is kept, then every fourth.")
     ] = 0,
@@ -45,14 +45,13 @@ def depth_benchmark(
     from eval.depth.plot import plot_risk_coverage
     from eval.depth.tables import format_report
     from eval.evaluation import write_json
-    from slam.data.dataset import open_dataset
 
     require_writable(out)
     chosen = frame_slice(frames)
     if is_depth_map_folder(dataset):
         report = _of_depth_maps(dataset, method or (), chosen)
     else:
-        report = _of_drive(open_dataset(dataset, sequence, sensor, columns=columns), method or (), chosen, phase)
+        report = _of_drive(reading.opened(dataset), method or (), chosen, phase)
     write_json(out / "depth.json", report.as_dict())
     written = ["depth.json"]
     if any(each.full for each in report.methods.values()):

@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lidarlift.cli.arguments import (
-    ColumnsOption,
     ConfigOption,
     DatasetArgument,
     EnricherOption,
     FramesOption,
-    SensorOption,
-    SequenceOption,
     frame_slice,
 )
 from lidarlift.cli.console import Console, progress
+from lidarlift.cli.data_options import DataOptions, with_data_options
 from lidarlift.enriching import enrich as enriched
 from lidarlift.folders import require_apart
 from lidarlift.reporting import note_problems
@@ -36,10 +34,11 @@ class Format(StrEnum):
     PLY = "ply"
 
 
+@with_data_options
 def enrich(
     dataset: DatasetArgument,
     out: Annotated[Path, typer.Option(help="Folder for the clouds, one file per scan, named by the scan's number.")],
-    sequence: SequenceOption = None,
+    reading: DataOptions,
     format: Annotated[
         Format,
         typer.Option(help="bin: x y z intensity, as in KITTI; pcd and ply: also ring, time, sigma and measured."),
@@ -48,8 +47,6 @@ def enrich(
     config: ConfigOption = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="One setting: front_end.coverage=0.8")] = None,
     frames: FramesOption = ":",
-    sensor: SensorOption = None,
-    columns: ColumnsOption = None,
 ) -> None:
     """Write enriched scans: 16 measured rings and virtual beams, about 64 in total; each point has a sigma.
 
@@ -58,10 +55,9 @@ def enrich(
     64-ring scans are reduced to every fourth ring (front_end.phase, front_end.ring_selection); scans of other sensors
     keep all rings. The clouds are neither deskewed nor vertically corrected.
     """
-    from slam.data.dataset import open_dataset
     from slam.data.images import found_in_reading
 
-    data, chosen = open_dataset(dataset, sequence, sensor, columns=columns), frame_slice(frames)
+    data, chosen = reading.opened(dataset), frame_slice(frames)
     require_apart(out, data)
     require_writable(out)
     dense = enriched(data, enricher=enricher, config=config, overrides=set_ or (), frames=chosen)

@@ -7,10 +7,16 @@ from typing import Annotated
 
 import typer
 
+from lidarlift.cli.data_options import DataOptions, with_data_options
 
+
+@with_data_options
 def evaluate(
     estimate: Annotated[Path, typer.Argument(help="Trajectory, KITTI or TUM format.")],
-    reference: Annotated[Path, typer.Argument(help="Ground truth, KITTI or TUM format.")],
+    reference: Annotated[
+        str, typer.Argument(help="Ground truth, KITTI or TUM format; or a data set that has it; or RECORDING:TOPIC.")
+    ],
+    reading: DataOptions,
     calib: Annotated[
         Path | None, typer.Option(help="KITTI calib.txt: transforms a camera-0 reference into the LiDAR frame.")
     ] = None,
@@ -19,7 +25,9 @@ def evaluate(
 
     Example: `lidarlift evaluate runs/04/trajectory_kitti.txt poses/04.txt --calib sequences/04/calib.txt`
     """
-    from eval.evaluation import evaluate_files
     from eval.tables import format_metrics
+    from lidarlift.evaluating import evaluate as evaluated
 
-    print(format_metrics({estimate.name: evaluate_files(estimate, reference, calib)}))
+    options = reading.said()
+    metrics = evaluated(estimate, reference, calib, sequence=reading.sequence, sensor=reading.sensor, **options)
+    print(format_metrics({estimate.name: metrics}))

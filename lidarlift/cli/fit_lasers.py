@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarlift.cli.arguments import ColumnsOption, FramesOption, SequenceOption, frame_slice
+from lidarlift.cli.arguments import FramesOption, frame_slice
 from lidarlift.cli.console import messages, progress
+from lidarlift.cli.data_options import DataOptions, with_data_options
 from slam.data.atomic import require_writable
 from slam.data.errors import InputError
 
@@ -20,15 +21,15 @@ if TYPE_CHECKING:
 TYPICAL_RESIDUAL = 0.02
 
 
+@with_data_options
 def fit_lasers(
     dataset: Annotated[Path, typer.Argument(help="A KITTI raw folder, or a folder of raw scans.")],
-    sequence: SequenceOption = None,
+    reading: DataOptions,
     rings: Annotated[
         int | None,
         typer.Option(min=2, help="Number of lasers. Default: from the data set or the majority of the scans."),
     ] = None,
     frames: FramesOption = ":",
-    columns: ColumnsOption = None,
     out: Annotated[Path, typer.Option(help="The file to write; it must not exist yet.")] = Path("sensor.yaml"),
 ) -> None:
     """Fit elevation and height offset of each laser to raw scans, for a sensor.yaml in the folder of the scans.
@@ -41,13 +42,13 @@ def fit_lasers(
     import numpy as np
 
     from slam.data.atomic import write_text
-    from slam.data.dataset import chosen_positions, open_dataset
+    from slam.data.dataset import chosen_positions
     from slam.data.laser_lines import fit_dataset, sensor_text
 
     if out.exists():
         raise InputError(f"{out}: already exists; choose another --out, or move the file")
     require_writable(out.parent)
-    data = open_dataset(dataset, sequence, columns=columns)
+    data = reading.opened(dataset)
     positions = chosen_positions(data, frame_slice(frames))
     with progress(f"{data.name}: reading scans", len(positions)) as advance:
         lines, problems = fit_dataset(data, positions, rings, advance)

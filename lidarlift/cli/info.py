@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarlift.cli.arguments import ColumnsOption, DatasetArgument, SensorOption, SequenceOption
+from lidarlift.cli.arguments import DatasetArgument
+from lidarlift.cli.data_options import DataOptions, with_data_options
 
 if TYPE_CHECKING:
     from lidarlift.inspecting import Info
@@ -20,11 +21,10 @@ if TYPE_CHECKING:
 LABEL_WIDTH, MAX_WIDTH = 14, 120  # characters
 
 
+@with_data_options
 def info(
     dataset: DatasetArgument,
-    sequence: SequenceOption = None,
-    sensor: SensorOption = None,
-    columns: ColumnsOption = None,
+    reading: DataOptions,
     every_scan: Annotated[bool, typer.Option("--all", help="Read all scans, not only a dozen.")] = False,
     json_: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -38,10 +38,12 @@ def info(
     from slam.data.dataset import sequences_in
 
     names = sequences_in(dataset)
-    if sequence is None and len(names) > 1 and not json_:
+    if reading.sequence is None and len(names) > 1 and not json_:
         print(_several(dataset, names))
         return
-    found = inspect_data_set(dataset, sequence=sequence, sensor=sensor, columns=columns, every_scan=every_scan)
+    found = inspect_data_set(
+        dataset, sequence=reading.sequence, sensor=reading.sensor, every_scan=every_scan, **reading.said()
+    )
     print(json.dumps(asdict(found), indent=2, default=str) if json_ else page(found))
 
 

@@ -8,48 +8,30 @@ from typing import Annotated, Any
 import typer
 
 from lidarlift.cli.arguments import (
-    ColumnsOption,
     ConfigOption,
     DatasetArgument,
-    DurationOption,
     EnricherOption,
     FramesOption,
-    ImageTopicOption,
     InputOption,
-    PointTimeOption,
-    SensorOption,
-    SequenceOption,
     SetOption,
-    StampOption,
-    StartOption,
     StrictOption,
-    TopicOption,
-    TruthTopicOption,
     frame_slice,
-    seconds,
 )
 from lidarlift.cli.console import Console
+from lidarlift.cli.data_options import DataOptions, with_data_options
 from lidarlift.front_ends import settings_for
 from lidarlift.running import run_into
 
 
+@with_data_options
 def run(
     dataset: DatasetArgument,
-    sequence: SequenceOption = None,
+    reading: DataOptions,
     input: InputOption = None,
     enricher: EnricherOption = None,
     config: ConfigOption = None,
     set_: SetOption = None,
     frames: FramesOption = ":",
-    sensor: SensorOption = None,
-    stamp: StampOption = None,
-    point_time: PointTimeOption = None,
-    columns: ColumnsOption = None,
-    topic: TopicOption = None,
-    image_topic: ImageTopicOption = None,
-    truth_topic: TruthTopicOption = None,
-    start: StartOption = None,
-    duration: DurationOption = None,
     odometry: Annotated[
         Path | None,
         typer.Option(help="File with LiDAR poses of another odometry, one per scan, KITTI or TUM format."),
@@ -65,20 +47,10 @@ def run(
     Example: `lidarlift run kitti/sequences/04 --frames 0:50 --set odometry.cell_sizes=[1.2,0.8] --out runs/04`
     """
     from eval.tables import format_metrics
-    from slam.data.dataset import open_dataset, ring_count
+    from slam.data.dataset import ring_count
     from slam.session import read_report
 
-    said: dict[str, Any] = {
-        "stamp": stamp and stamp.value,
-        "point_time": point_time,
-        "columns": columns,
-        "topic": topic,
-        "image_topic": image_topic,
-        "truth_topic": truth_topic,
-        "start": seconds(start, "--start"),
-        "duration": seconds(duration, "--duration"),
-    }
-    data = open_dataset(dataset, sequence, sensor, **said)
+    data = reading.opened(dataset)
     chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
     _, metrics = run_into(

@@ -10,8 +10,9 @@ from typing import Annotated
 
 import typer
 
-from lidarlift.cli.arguments import Stamp, one_of
+from lidarlift.cli.arguments import one_of
 from lidarlift.cli.console import progress
+from lidarlift.cli.data_options import Stamp
 from slam.data.atomic import require_writable
 from slam.data.sensor_names import SIMULATED
 from slam.simulation.drive_names import DRIVES

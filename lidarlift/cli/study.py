@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarlift.cli.arguments import SequenceOption, frame_slice
+from lidarlift.cli.arguments import frame_slice
 from lidarlift.cli.console import messages, progress
+from lidarlift.cli.data_options import DataOptions, with_data_options
 from slam.data.atomic import require_writable
 
 if TYPE_CHECKING:
@@ -52,8 +53,9 @@ EDGES: Columns = (
 
 
 @study.command()
+@with_data_options
 def sparsity(
-    dataset: Drive, sequence: SequenceOption = None, frames: Frames = None, out: Out = Path("runs/study-sparsity")
+    dataset: Drive, reading: DataOptions, frames: Frames = None, out: Out = Path("runs/study-sparsity")
 ) -> None:
     """Measure what few coefficients of the cosine transform preserve of a depth image and of its discontinuities.
 
@@ -62,14 +64,13 @@ def sparsity(
     from enrichment.studies import pictures
     from enrichment.studies import sparsity as this
 
-    report = _studied(dataset, sequence, frames, out, this.sparsity, this.PROTOCOL)
+    report = _studied(dataset, reading, frames, out, this.sparsity, this.PROTOCOL)
     _write(report, "Coefficients kept", SPARSITY, out, pictures.draw_sparsity)
 
 
 @study.command()
-def edges(
-    dataset: Drive, sequence: SequenceOption = None, frames: Frames = None, out: Out = Path("runs/study-edges")
-) -> None:
+@with_data_options
+def edges(dataset: Drive, reading: DataOptions, frames: Frames = None, out: Out = Path("runs/study-edges")) -> None:
     """Measure how many image edges lie on depth discontinuities, and how many discontinuities have an image edge.
 
     Example: `lidarlift study edges kitti/sequences/04 --frames ::5 --out runs/edges-04`
@@ -77,23 +78,23 @@ def edges(
     from enrichment.studies import edges as this
     from enrichment.studies import pictures
 
-    report = _studied(dataset, sequence, frames, out, this.edges, this.PROTOCOL)
+    report = _studied(dataset, reading, frames, out, this.edges, this.PROTOCOL)
     _write(report, "Edges, threshold", EDGES, out, pictures.draw_edges)
 
 
 def _studied(
     dataset: Path,
-    sequence: str | None,
+    reading: DataOptions,
     frames: str | None,
     out: Path,
     study: Callable[[DepthImage], Figures[F]],
     protocol: Mapping[str, str],
 ) -> StudyReport[F]:
     from lidarlift.studies import study_sequence
-    from slam.data.dataset import chosen_positions, open_dataset
+    from slam.data.dataset import chosen_positions
 
     require_writable(out)
-    data = open_dataset(dataset, sequence)
+    data = reading.opened(dataset)
     chosen = frame_slice(frames) if frames else slice(None, None, -(-len(data) // FRAMES))
     with progress(data.name, len(chosen_positions(data, chosen))) as advance:
         report = study_sequence(data, study, protocol, chosen, advance)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from inspect import signature
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, TypedDict, Unpack, cast
 
 from slam.data.cloud import Array, Calibration, Frame
 from slam.data.errors import InputError
@@ -120,19 +119,38 @@ DATASETS = Registry[Dataset](
 )
 
 
+class DatasetOptions(TypedDict, total=False):
+    """Choices on how a data set is read; None, as a missing one, leaves the choice to the loader.
+
+    Attributes:
+        stamp: Instant of the sweep that the stamps refer to, 'start', 'middle' or 'end'. Default: as sensor.yaml or
+            the points' times say.
+        point_time: Field with the points' times, FIELD or FIELD:UNIT ('t:ns'). Default: as sensor.yaml says, or the
+            first field that can be times.
+        columns: Columns of the .bin or .npy scans of a folder, as in 'x,y,z,intensity,ring,time': float32, or the
+            type after a colon, 't:u4'; '_' for an unused column. Default: estimated from the values.
+        topic: Topic of the scans in a recording. Default: see `RecordedSequence`, as for the next two.
+        image_topic: Topic of the images.
+        truth_topic: Topic of the true poses.
+        start: Seconds skipped at the start of a recording.
+        duration: Seconds of a recording that are used.
+    """
+
+    stamp: str | None
+    point_time: str | None
+    columns: str | None
+    topic: str | None
+    image_topic: str | None
+    truth_topic: str | None
+    start: float | None
+    duration: float | None
+
+
 def open_dataset(
     path: str | Path,
     sequence: str | None = None,
     sensor: str | Path | None = None,
-    *,
-    stamp: str | None = None,
-    point_time: str | None = None,
-    columns: str | None = None,
-    topic: str | None = None,
-    image_topic: str | None = None,
-    truth_topic: str | None = None,
-    start: float | None = None,
-    duration: float | None = None,
+    **options: Unpack[DatasetOptions],
 ) -> Dataset:
     """Open a sequence: of a known data set, a recording, a packet capture, or a folder of scans.
 
@@ -142,25 +160,15 @@ def open_dataset(
             (`UserFolder`).
         sequence: Name or number of the sequence, if there are several ('04'; '0005'; 'scene-0061').
         sensor: Overrides the sensor model of the folder (see `load_sensor`).
-        stamp: Instant of the sweep that the stamps refer to, 'start', 'middle' or 'end'. Default: as sensor.yaml or
-            the points' times say.
-        point_time: Field with the points' times, FIELD or FIELD:UNIT ('t:ns'). Default: as sensor.yaml says, or the
-            first field that can be times.
-        columns: Columns of the .bin or .npy scans of a folder, as in 'x,y,z,intensity,ring,time': float32, or the
-            type after a colon, 't:u4'; '_' for an unused column. Default: estimated from the values.
-        topic: Topic of the scans in a recording. Default: see `RecordedSequence`, as for the two below.
-        image_topic: Topic of the images.
-        truth_topic: Topic of the true poses.
-        start: Seconds skipped at the start of a recording.
-        duration: Seconds of a recording that are used.
+        **options: See `DatasetOptions`.
 
     Raises:
         InputError: No loader fits (the message says what was looked for), or the loader lacks an option that is given.
     """
-    said = {"stamp": stamp, "point_time": point_time, "columns": columns, "start": start, "duration": duration}
-    said |= {"topic": topic, "image_topic": image_topic, "truth_topic": truth_topic}
+    if unknown := options.keys() - DatasetOptions.__annotations__.keys():
+        raise TypeError(f"open_dataset has no option {', '.join(sorted(unknown))}")
     path, loader, found = _sequences(path)
-    return loader(_pick(path, found, sequence), sensor, **_taken(loader, path, said))
+    return loader(_pick(path, found, sequence), sensor, **_taken(loader, path, options))
 
 
 def sequences_in(path: str | Path) -> list[str]:
@@ -205,9 +213,9 @@ def _loader(name: str) -> Loader:
     return loader
 
 
-def _taken(loader: Loader, path: Path, said: Mapping[str, str | float | None]) -> dict[str, Any]:
+def _taken(loader: Loader, path: Path, options: DatasetOptions) -> dict[str, Any]:
     """Return the options that are given. Raises InputError if the loader lacks one of them."""
-    given = {name: value for name, value in said.items() if value is not None}
+    given = {name: value for name, value in options.items() if value is not None}
     for name in given:
         if name not in signature(loader).parameters:
             raise InputError(f"{path}: --{name.replace('_', '-')} is not for this kind of data set; leave it out")

@@ -1,4 +1,4 @@
-"""What the first scans of a folder tell of all of them, before any is used."""
+"""Format of a folder's scans, estimated from the first of them."""
 
 from __future__ import annotations
 
@@ -13,20 +13,23 @@ from slam.data.point_files import Points, Reading, read_points
 from slam.data.problem import Problem
 from slam.data.sound_points import map_frame
 
-#: How many files are looked at.
+#: Number of files that are examined.
 FIRST = 3
 
 
 def reading_of(files: Sequence[Path], columns: str | None = None) -> tuple[Reading, tuple[Problem, ...]]:
-    """How the scans of a folder are to be read, and what has been assumed for that.
+    """Estimate how the scans of a folder are read.
 
     Args:
         files: The scans, all of one kind, in their order.
-        columns: What the user says of the columns of .bin and .npy files, as in 'x,y,z,intensity,ring'.
+        columns: Columns of .bin and .npy files as the user states them, such as 'x,y,z,intensity,ring'.
+
+    Returns:
+        The reading, and the assumptions that it makes, as problems.
 
     Raises:
-        InputError: None of the first scans can be read; the columns cannot be told; `columns` makes no sense, or is
-            said of files that name their own.
+        InputError: None of the first scans can be read, or their columns cannot be estimated; or `columns` is invalid,
+            or is given for files that name their columns.
     """
     layout, told = _layout(files, columns)
     offset = first_of(files, Reading(layout)).offset
@@ -36,7 +39,11 @@ def reading_of(files: Sequence[Path], columns: str | None = None) -> tuple[Readi
 
 
 def first_of(files: Sequence[Path], reading: Reading) -> Points:
-    """The first of some scans that has points. Raises InputError where none of the first FIRST can be read."""
+    """Read the first scan with points.
+
+    Raises:
+        InputError: None of the first FIRST scans can be read.
+    """
     unreadable = list[Problem]()
     for path in files[:FIRST]:
         points = read_points(path, reading)
@@ -68,5 +75,5 @@ def _layout(files: Sequence[Path], columns: str | None) -> tuple[Layout | None, 
             raise InputError(f"{files[0]}: {error}") from error
     if layout == KITTI:
         return layout, ()
-    text = f"{files[0].parent}: by the numbers in them a point is {layout}; if it is not, say so with --columns"
+    text = f"{files[0].parent}: judging by the values, a point is {layout}; if it is not, state it with --columns"
     return layout, (Problem("columns told by the numbers", text),)

@@ -1,4 +1,4 @@
-"""A folder of scans of a user's own, with whatever lies beside them."""
+"""A folder of scans, with the optional files beside them."""
 
 from __future__ import annotations
 
@@ -23,27 +23,31 @@ from slam.data.time_files import TIME_FILES, read_stamps
 class UserFolder(ScanSequence):
     """Scans (.bin, .pcd, .ply, .npy, .las, .laz) in the folder or its scans/, velodyne/, points/ or lidar/.
 
-    Optional beside them: `times.txt` or `timestamps.txt` (see `read_stamps`; else names that are stamps tell),
-    `images/` or `image_2/` (matched by their own times.txt, else by name), `calib.yaml` (see `read_cameras`),
-    `poses.txt` (KITTI or TUM, of the LiDAR at the stamps), `sensor.yaml` (see `load_sensor`, `Conventions`). What
-    intensities, rings and points' times mean is found from the first scans, once for all. Rings come from the file's
-    field, else from the sensor's laser lines. See `Dataset` for the fields. Raises InputError where a file holds
-    something else than it should.
+    Optional files in the folder: `times.txt` or `timestamps.txt` (see `read_stamps`; without them, file names that are
+    stamps), `images/` or `image_2/` (matched by their own times.txt, else by name), `calib.yaml` (see `read_cameras`),
+    `poses.txt` (KITTI or TUM, of the LiDAR at the stamps), `sensor.yaml` (see `load_sensor`, `Conventions`). See
+    `Dataset` for the properties.
+
+    The meaning of intensities, rings and times is estimated once, from the first scans. Rings are those of the file, or
+    follow from the sensor's laser lines.
 
     Args:
         path: The folder.
-        sensor: Overrides what sensor.yaml says of the LiDAR.
-        columns: Of .bin and .npy files (see `reading_of`). By default their numbers tell.
-        stamp: The instant of a sweep that stamps belong to, 'start', 'middle' or 'end'. By default the points' times
-            tell.
-        point_time: The field with the points' times, FIELD or FIELD:UNIT. By default the first that can have them.
+        sensor: Overrides the sensor model of sensor.yaml.
+        columns: Columns of .bin and .npy files (see `reading_of`). Default: estimated from the values.
+        stamp: Instant of the sweep that the stamps refer to, 'start', 'middle' or 'end'. Default: as the points' times
+            say.
+        point_time: Field with the points' times, FIELD or FIELD:UNIT. Default: the first field that can be times.
+
+    Raises:
+        InputError: There are no scans, or scans of several kinds; or a file has an unexpected content.
     """
 
     LAYOUT = f"scans ({', '.join(SUFFIXES)}) in the folder itself or in its scans/, velodyne/, points/ or lidar/"
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The folder itself where it has scans. See `Loader`."""
+        """Return the folder itself if it has scans. See `Loader`."""
         return {"": path} if named_scans(path).files else {}
 
     def __init__(
@@ -73,7 +77,7 @@ class UserFolder(ScanSequence):
         self.take_truth(read_ground_truth(path, self.stamps, self.numbers, self.known_times))
 
     def _take_cameras(self) -> None:
-        """The cameras of calib.yaml: the first with images is the frames' own, the others colour points."""
+        """Read the cameras of calib.yaml: the first one with images is that of the frames, the others colour points."""
         usual, file = image_folder(self.path), self.path / "calib.yaml"
         if not file.is_file():
             if usual is not None:
@@ -98,15 +102,24 @@ def _times_file(path: Path, scans: ScanNames) -> Path | None:
 
 
 def _read_stamps(path: Path, file: Path | None, scans: ScanNames) -> tuple[Array | None, str, tuple[Problem, ...]]:
-    """Stamps (N,) of a file or of the names, where they are from, and what is wrong with them; None where there are
-    none, as in a file whose times are all the same."""
+    """Read stamps (N,) from the file or the names: stamps, their source, and problems.
+
+    The stamps are None if there are none, or if all times in the file are the same.
+    """
     if file is not None and (found := read_stamps(file, scans.files, scans.numbers)) is not None:
         return found.seconds, f"{file.name}, {found.unit}", found.problems
     return stamps_of_names(path, scans)
 
 
 def to_cloud(points: Points, sensor: Sensor | None, path: Path) -> PointCloud:
-    """A single scan in our units: intensity 0..1, ring 0 on top, times in seconds from its stamp, its columns taken for
-    what they look like in it. Of a drive, `find_columns` decides once; `path` names the scan in messages."""
+    """Convert a single scan: intensity 0..1, ring 0 on top, times in seconds from its stamp.
+
+    The meaning of its columns is estimated from this scan alone; for a sequence, `find_columns` does so once.
+
+    Args:
+        points: The scan.
+        sensor: The LiDAR, None if the sensor model is unknown.
+        path: Name of the scan in messages.
+    """
     columns: Columns = find_columns([(points, None)], sensor, where=path)
     return columns.cloud(points, 0.0, path)[0]

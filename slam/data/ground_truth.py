@@ -1,4 +1,4 @@
-"""The ground truth of a folder of scans, poses.txt: which pose belongs to which scan, and which scans have none."""
+"""Ground truth of a folder of scans, poses.txt: the pose of each scan, and the scans without a pose."""
 
 from __future__ import annotations
 
@@ -17,25 +17,26 @@ from slam.data.problem import Problem, spans
 from slam.data.quaternion_order import orders_by_odometry
 from slam.data.sensor import conventions_of_folder
 
-#: Poses farther apart than so many of their usual steps, and than HOLE [s], have a hole between them: over it nothing
-#: is interpolated. Within 0.3 s a car that brakes at 2 m/s^2 is 2 cm off the straight way; truth of 1 Hz is coarser
-#: than that, but all there is.
+#: Between poses farther apart than STEPS times their median step and than HOLE [s], nothing is interpolated. Within
+#: 0.3 s, linear interpolation errs by 2 cm for a car that brakes at 2 m/s^2; ground truth at 1 Hz errs more, but there
+#: is no better one.
 STEPS, HOLE = 1.5, 0.3
-ROUNDING = 1e-3  # s: stamps that differ by less are one, written with other digits
-#: Kinds of the problems that the odometry settles.
+ROUNDING = 1e-3  # s: stamps that differ by less are the same, written with different digits
+#: Kinds of problems that the odometry resolves.
 UNCLEAR, TOLD = "unclear quaternions", "order of quaternions"
 UNSETTLED = (UNCLEAR, TOLD)
 
 
 @dataclass(frozen=True, eq=False)
 class GroundTruth:
-    """Where the LiDAR was.
+    """True poses of the LiDAR.
 
     Attributes:
-        poses: (N, 4, 4) T_world_lidar of the scans, the first known one identity, NaN where unknown; None without any.
-        readings: The same with the file's quaternions read with w last ('xyzw') and first ('wxyz'), one of which is
-            `poses`, for the odometry to tell; empty where the user has said it, and for matrices.
-        problems: What is wrong with it.
+        poses: (N, 4, 4) T_world_lidar of the scans, the first known one the identity, NaN where unknown; None without
+            ground truth.
+        readings: The poses for both orders of the file's quaternions, w last ('xyzw') and w first ('wxyz'), between
+            which the odometry decides; empty if the user states the order, and for matrices.
+        problems: Problems of the ground truth.
     """
 
     poses: Array | None = None
@@ -44,20 +45,20 @@ class GroundTruth:
 
 
 def read_ground_truth(path: Path, stamps: Array, numbers: Array, known_times: bool) -> GroundTruth:
-    """The truth of each scan: by time where the poses have stamps, by number where they are numbered, else by row.
+    """Read poses.txt, and assign poses to scans: by time if they have stamps, by number if numbered, else by row.
 
-    A scan has none where the file has no pose for it: beyond the ends, in a hole, where it says zeros or NaN. Whether
-    quaternions have w last or first is said by `quaternion: xyzw` or `wxyz` in sensor.yaml, by a header, or by the
-    motion; where none of these tells, `poses` is None until the odometry does.
+    A scan has no pose beyond the ends of the file, in a gap, and where the file contains zeros or NaN. The order of
+    quaternions, w last or first, follows from `quaternion: xyzw` or `wxyz` in sensor.yaml, from a header or from the
+    motion, in this order; if it follows from none of these, `poses` is None until the odometry decides.
 
     Args:
-        path: The drive's folder.
-        stamps: (N,) [s] of the scans.
+        path: Folder of the sequence.
+        stamps: (N,) time stamps of the scans [s].
         numbers: (N,) int64, the numbers in their names.
-        known_times: Whether the stamps were recorded, not assumed.
+        known_times: The stamps were recorded, not assumed.
 
     Raises:
-        InputError: poses.txt holds something else than poses.
+        InputError: poses.txt contains something other than poses.
     """
     file = path / "poses.txt"
     if not file.is_file():
@@ -67,7 +68,7 @@ def read_ground_truth(path: Path, stamps: Array, numbers: Array, known_times: bo
 
 
 def truth_of(file: Path, trajectory: Trajectory, stamps: Array, numbers: Array, known_times: bool) -> GroundTruth:
-    """The same of a trajectory of the LiDAR that is from `file`."""
+    """Assign poses to scans as in `read_ground_truth`, for a trajectory of the LiDAR read from `file`."""
     if trajectory.stamps is not None and not known_times:
         return _none(f"{file}: its poses have stamps and the scans have none; give times.txt, or poses without stamps")
     match = _by_time(file, trajectory, stamps) if trajectory.stamps is not None else _by_row(file, trajectory, numbers)
@@ -80,8 +81,8 @@ def truth_of(file: Path, trajectory: Trajectory, stamps: Array, numbers: Array, 
         return _none(f"{file}: none of its {len(trajectory.poses)} poses is known where there is a scan")
     problems = (*match.problems, *_without_truth(file, np.isnan(poses[:, 0, 0]), match, numbers))
     if readings and trajectory.order is None:
-        text = f"{file}: neither a header nor the motion tells whether its quaternions have w last or first"
-        text += "; the odometry decides; to say so write quaternion: xyzw, or wxyz, into sensor.yaml"
+        text = f"{file}: neither a header nor the motion shows whether its quaternions have w last or first"
+        text += "; the odometry decides; to state it, write quaternion: xyzw, or wxyz, into sensor.yaml"
         return GroundTruth(None, readings, (*problems, Problem(UNCLEAR, text)))
     if trajectory.told_by == "the motion" and trajectory.order == "wxyz":
         problems = (*problems, _order(f"{file}: by the motion", "wxyz"))
@@ -89,21 +90,21 @@ def truth_of(file: Path, trajectory: Trajectory, stamps: Array, numbers: Array, 
 
 
 def _order(where: str, order: str) -> Problem:
-    """In which order quaternions are read, who says so, and how it is said for good."""
+    """Report the order in which quaternions are read, its source, and how to state it."""
     text = f"{where}, its quaternions have w {'first' if order == 'wxyz' else 'last'}; they are read so"
     return Problem(TOLD, f"{text} (quaternion: {order} in sensor.yaml says the same)")
 
 
 def settled_truth(truth: GroundTruth, odometry: Array) -> GroundTruth:
-    """The truth of a run, now that there is odometry to hold it against.
+    """Resolve the order of quaternions, and check the axes, by comparison with the odometry.
 
     Args:
-        truth: What is known of the run's N scans, with what was said of the order of its quaternions.
-        odometry: Poses (M, 4, 4) T_world_lidar of the first M of them.
+        truth: Ground truth of the run's N scans.
+        odometry: Poses (M, 4, 4) T_world_lidar of the first M scans.
 
     Returns:
-        The truth read in the order that the odometry agrees with, and what is to be said of it now; or none, where
-        neither order does and nothing else tells, or where it is a camera's.
+        The ground truth in the order that agrees with the odometry, and its problems; without poses if neither order
+        agrees and nothing else determines it, or if the poses are those of a camera.
     """
     poses, problems = truth.poses, truth.problems
     if truth.readings:
@@ -119,7 +120,7 @@ def settled_truth(truth: GroundTruth, odometry: Array) -> GroundTruth:
     if poses is not None and body_frame(odometry) == "lidar":
         known = poses[np.isfinite(poses).all(axis=(1, 2))]
         if body_frame(known) == "camera":
-            text = "the truth's poses move along their z axis, as a camera's do, and the LiDAR along x"
+            text = "the ground truth moves along its z axis, as a camera does, and the LiDAR along x"
             return _none(f"{text}; give the LiDAR's, inv(T_camera_lidar) @ P @ T_camera_lidar")
     return GroundTruth(poses, {}, problems)
 
@@ -130,8 +131,16 @@ def _same(poses: Array | None, others: Array) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Match:
-    """Which rows belong to the N scans: a share (N,) of the way from row `before` to row `after`, (N,) each, where
-    `inside` (N,); `hole` (N,) bool are those between rows that are too far apart."""
+    """Assignment of rows to N scans.
+
+    Attributes:
+        before: (N,) the row before each scan.
+        after: (N,) the row after each scan.
+        share: (N,) position of the scan between the two, 0 to 1.
+        inside: (N,) bool, the scan is within the range of the rows.
+        hole: (N,) bool, the two rows are too far apart.
+        problems: Problems of the rows.
+    """
 
     before: Array
     after: Array
@@ -142,7 +151,7 @@ class _Match:
 
 
 def _by_time(file: Path, trajectory: Trajectory, stamps: Array) -> _Match | GroundTruth:
-    """The rows around each scan's stamp."""
+    """Find the rows around each scan's stamp."""
     assert trajectory.stamps is not None
     rows = np.flatnonzero(np.isfinite(trajectory.stamps))
     rows = rows[np.argsort(trajectory.stamps[rows], kind="stable")]
@@ -159,16 +168,20 @@ def _by_time(file: Path, trajectory: Trajectory, stamps: Array) -> _Match | Grou
     inside = (stamps >= times[0] - ROUNDING) & (stamps <= times[-1] + ROUNDING)
     if not inside.any():
         theirs, ours = (f"{at[0]:.3f} to {at[-1]:.3f} s" for at in (times, stamps))
-        return _none(f"{file}: its stamps, {theirs}, share no time with the scans', {ours}; are they of one clock?")
+        return _none(
+            f"{file}: its stamps, {theirs}, do not overlap with those of the scans, {ours}; are both of one clock?"
+        )
     before, after, share = se3.neighbours(times, stamps)
     hole = times[after] - times[before] > max(STEPS * float(np.median(np.diff(times))), HOLE) + ROUNDING
-    near = [np.abs(stamps - times[at]) <= ROUNDING for at in (before, after)]  # a row of its own: no way to go
+    near = [
+        np.abs(stamps - times[at]) <= ROUNDING for at in (before, after)
+    ]  # a row at the scan's own stamp: nothing to interpolate
     before, after = np.where(near[1], after, before), np.where(near[0], before, after)
     return _Match(rows[before], rows[after], share, inside, hole & ~near[0] & ~near[1], tuple(problems))
 
 
 def _by_row(file: Path, trajectory: Trajectory, numbers: Array) -> _Match | GroundTruth:
-    """The row of each scan, by its frame's number where the file or the count of rows allows it."""
+    """Find the row of each scan, by its frame number if the file or the number of rows allows it."""
     rows, count = np.arange(len(numbers)), len(trajectory.poses)
     if trajectory.numbers is not None:
         row_of = {int(number): row for row, number in enumerate(trajectory.numbers)}
@@ -184,7 +197,7 @@ def _by_row(file: Path, trajectory: Trajectory, numbers: Array) -> _Match | Grou
 
 
 def _taken(poses: Array, match: _Match) -> Array:
-    """Poses (N, 4, 4) of the scans, NaN where there is none, of a file's (M, 4, 4)."""
+    """Interpolate poses (N, 4, 4) of the scans from a file's (M, 4, 4); NaN where there is none."""
     truth = np.full((len(match.share), 4, 4), np.nan)
     start, end = poses[match.before], poses[match.after]
     known = match.inside & ~match.hole & np.isfinite(start).all(axis=(1, 2)) & np.isfinite(end).all(axis=(1, 2))
@@ -193,26 +206,26 @@ def _taken(poses: Array, match: _Match) -> Array:
 
 
 def _without_truth(file: Path, lost: Array, match: _Match, numbers: Array) -> tuple[Problem, ...]:
-    """A Problem for each of the reasons why scans (N,) have no truth."""
+    """Report the scans (N,) without a pose, one Problem per reason."""
     reasons = {
         "poses shorter than scans": (~match.inside, "beyond the poses"),
         "hole in ground truth": (match.inside & match.hole, "between poses that are too far apart in time"),
-        "unknown pose": (lost & match.inside & ~match.hole, "where the file says zeros or NaN"),
+        "unknown pose": (lost & match.inside & ~match.hole, "where the file contains zeros or NaN"),
     }
     found = []
     for kind, (which, why) in reasons.items():
         if which.any():
-            text = f"{file}: {int(which.sum())} of {len(lost)} scans lie {why}"
-            found.append(Problem(kind, f"{text}; these have no truth: {_named(numbers, which)}"))
+            text = f"{file}: {int(which.sum())} of {len(lost)} scans are {why}"
+            found.append(Problem(kind, f"{text}; these have no ground truth: {_named(numbers, which)}"))
     return tuple(found)
 
 
 def _named(numbers: Array, which: Array) -> str:
-    """The numbers of the scans (N,) bool, as runs of neighbours."""
+    """Format the numbers of the scans (N,) bool as ranges."""
     at = np.flatnonzero(which)
     cuts = [0, *(np.flatnonzero(np.diff(at) > 1) + 1), len(at)]
     return spans([(int(numbers[at[first]]), int(numbers[at[last - 1]])) for first, last in pairwise(cuts)])
 
 
 def _none(text: str) -> GroundTruth:
-    return GroundTruth(problems=(Problem("no ground truth", f"{text}; there is no truth"),))
+    return GroundTruth(problems=(Problem("no ground truth", f"{text}; there is no ground truth"),))

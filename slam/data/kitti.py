@@ -1,4 +1,4 @@
-"""What KITTI's odometry benchmark and its raw drives have in common."""
+"""Common part of the loaders for KITTI's odometry benchmark and for its raw drives."""
 
 from __future__ import annotations
 
@@ -24,10 +24,22 @@ KITTIS = "hdl64"  # KITTI's LiDAR
 class KittiSequence:
     """Scans stored ring after ring, top ring first, with the colour camera's images of the same numbers.
 
-    The loaders add stamps, calibration and ground truth. See `Dataset` for the fields.
+    The loaders add stamps, calibration and ground truth. See `Dataset` for the properties.
+
+    Args:
+        path: Folder of the sequence.
+        sensor: The LiDAR.
+        override: The user's sensor model, which replaces that of the folder; None without one.
+        stamp: Instant of the sweep that the stamps refer to. Default: the middle.
+        scans: Folder of the scans.
+        images: Folder of the images.
 
     Attributes:
-        scan_period: Seconds from scan to scan, where none is missing, and of a turn.
+        scan_period: Time between consecutive scans, and duration of a sweep [s].
+        stamps_from: Source of the stamps, for people.
+
+    Raises:
+        InputError: There are no scans.
     """
 
     stamps: Array
@@ -52,27 +64,27 @@ class KittiSequence:
 
     @property
     def point_times(self) -> PointTimes:
-        """The verdict on them: of motion-compensated scans there are none, of others the azimuth tells."""
+        """Times of the points: none for motion-compensated scans, by the azimuth for others."""
         if not self.sensor.motion_compensated:
             return azimuth_times(self.scan_period, self._stamp)
         return PointTimes(why="the scans are motion-compensated already", sweep=self.scan_period, stamp=self._stamp)
 
     def _has_stamps(self, every: Array, unit: str) -> None:
-        """`every` (M,) [s]: of all frames that their file has."""
+        """Set the scan period from the times (M,) [s] of all frames in their file, and the source of the stamps."""
         self.scan_period, self.stamps_from = usual_step(every) or SCAN_PERIOD, unit
 
     @property
     def images(self) -> tuple[Path | None, ...]:
-        """Of each scan its image's file, or None."""
+        """The file of each scan's image, or None."""
         return tuple(self._images.get(int(number)) for number in self.numbers)
 
     @property
     def folders(self) -> tuple[Path, ...]:
-        """What the drive is read from: nothing may be written there."""
+        """The folders that the sequence is read from: nothing may be written there."""
         return (self.path, next(iter(self._scans.values())).parent, self._image_folder)
 
     def points(self, position: int) -> Points:
-        """A scan as its file has it."""
+        """Read a scan as its file contains it."""
         return read_points(self._scans[int(self.numbers[position])], self._reading)
 
     def __getitem__(self, position: int) -> Frame:
@@ -96,20 +108,23 @@ class KittiSequence:
 
 
 def _motion_assumed(path: Path, sensor: Sensor, override: str | Path | None) -> tuple[Problem, ...]:
-    """That scans of another LiDAR in KITTI's layout are taken to have been swept as KITTI's, where nobody says it."""
+    """Report that scans of another LiDAR are assumed to have KITTI's sweep, if nothing says how they were swept."""
     if override is None or sensor.name == KITTIS or is_sensor_file(override) or (path / "sensor.yaml").is_file():
         return ()
-    how = "swept from the rear on, in the middle of which is the stamp"
+    how = "swept from the rear, with the stamp in the middle of the sweep"
     how = "motion-compensated" if sensor.motion_compensated else how
     other = str(not sensor.motion_compensated).lower()
-    text = (
-        f"{path}: scans of a {sensor.name} are taken to be {how}, as KITTI's are; if they are not, give --sensor a file"
-    )
-    return (Problem("motion assumed", f"{text} with 'model: {sensor.name}' and 'motion_compensated: {other}'"),)
+    text = f"{path}: scans of a {sensor.name} are assumed to be {how}, as KITTI's are; if they are not, give --sensor"
+    return (Problem("motion assumed", f"{text} a file with 'model: {sensor.name}' and 'motion_compensated: {other}'"),)
 
 
 def rectified_camera(P: Array, T_camera0_lidar: Array) -> Calibration:
-    """KITTI's colour camera from its projection matrix P (4, 4, last row 0 0 0 1) = [K | K t] of rectified camera 0."""
+    """Create the calibration of KITTI's colour camera.
+
+    Args:
+        P: Projection matrix (4, 4), last row 0 0 0 1, of points in rectified camera 0: [K | K t].
+        T_camera0_lidar: Pose (4, 4) of the LiDAR in rectified camera 0.
+    """
     T_camera_camera0 = np.eye(4)
     T_camera_camera0[:3, 3] = np.linalg.solve(P[:3, :3], P[:3, 3])
     return Calibration(P[:3, :3].copy(), T_camera_camera0 @ T_camera0_lidar, (), T_camera0_lidar)

@@ -27,17 +27,20 @@ from slam.data.time_files import read_rows
 class KittiOdometry(KittiSequence):
     """`velodyne/`, `image_2/`, `calib.txt`, `times.txt` of one sequence folder, and `poses/NN.txt` of its root.
 
-    Lines of times.txt and of the poses belong to scans by the number in the file name, so a part of a sequence works
-    with the files of the whole. Scans are stored ring after ring, top ring first, and motion-compensated, unless a
-    sensor.yaml beside them says that they are not: then the cloud has times, as KITTI's raw drives do. See `Dataset`
-    for the fields. Raises InputError where there are no scans or a file holds something else than it should.
+    Lines of times.txt and of the poses are assigned to scans by the number in the file name, so that a part of a
+    sequence works with the files of the whole. Scans are stored ring after ring, top ring first, and are
+    motion-compensated, unless a sensor.yaml in the folder says that they are not: then the clouds have times, as those
+    of KITTI's raw drives do. See `Dataset` for the properties.
+
+    Raises:
+        InputError: There are no scans, or a file has an unexpected content.
     """
 
     LAYOUT = "KITTI odometry (sequences/NN/velodyne/*.bin, or calib.txt beside velodyne/)"
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The sequence folders at or under a path by their names. See `Loader`."""
+        """Find the sequence folders at or under a path, by name. See `Loader`."""
         if (path / "velodyne").is_dir():
             kitti = path.parent.name == "sequences" or (path / "calib.txt").exists()
             return {path.name: path} if kitti and not (path / "calib.yaml").exists() else {}
@@ -46,7 +49,9 @@ class KittiOdometry(KittiSequence):
         return found if root.name == "sequences" else {}
 
     def __init__(self, path: Path, sensor: str | Path | None = None, *, stamp: str | None = None) -> None:
-        maker = path.parent.parent.name if (path / "sensor.yaml").is_file() else "KITTI odometry"  # another's sensor
+        maker = (
+            path.parent.parent.name if (path / "sensor.yaml").is_file() else "KITTI odometry"
+        )  # a sensor other than KITTI's
         self.name = f"{maker} {path.name}"
         lasers = kitti_sensor(path, sensor, motion_compensated=True)
         said = conventions_of_folder(path, sensor).said(stamp)
@@ -66,7 +71,9 @@ class KittiOdometry(KittiSequence):
                 return mended(stamps, path)
             fault = "all of its times are the same"
         else:
-            fault = f"{len(times)} times, but a scan {self.numbers[-1]}" if path.exists() else "no such file"
+            fault = (
+                f"{len(times)} times, but scans up to number {self.numbers[-1]}" if path.exists() else "no such file"
+            )
         problem = Problem("no time stamps", f"{path}: {fault}; {1 / SCAN_PERIOD:g} scans a second assumed")
         return self.numbers * SCAN_PERIOD, (problem,)
 
@@ -85,7 +92,7 @@ class KittiOdometry(KittiSequence):
         if not path.exists():
             return None, ()
         if self.calibration is None:
-            text = f"{path}: left out, for without calib.txt's 'Tr:' camera poses say nothing of the LiDAR's"
+            text = f"{path}: not used: without 'Tr:' in calib.txt, camera poses do not give those of the LiDAR"
             return None, (Problem("no ground truth", text),)
         trajectory = read_trajectory(path)
         if trajectory.stamps is not None or trajectory.numbers is not None:
@@ -94,7 +101,7 @@ class KittiOdometry(KittiSequence):
             )
         poses = trajectory.poses
         if body_frame(poses[np.isfinite(poses).all(axis=(1, 2))]) == "lidar":
-            text = f"{path}: left out, for its poses move along x, as a LiDAR's do; KITTI's are camera 0's, along z"
+            text = f"{path}: not used: its poses move along x, as those of a LiDAR do; KITTI's are of camera 0, along z"
             return None, (Problem("no ground truth", text),)
         T_camera_lidar = self.calibration.T_camera0_lidar
         assert T_camera_lidar is not None
@@ -103,11 +110,12 @@ class KittiOdometry(KittiSequence):
         truth[there] = into_lidar_frame(poses[self.numbers[there]], T_camera_lidar)
         problems = []
         if unknown := int(np.isnan(truth[there, 0, 0]).sum()):
-            text = f"{path}: zeros or NaN in place of the poses of {unknown} scans; they are without truth"
+            text = f"{path}: zeros or NaN in place of the poses of {unknown} scans; they have no ground truth"
             problems.append(Problem("unknown pose", text))
         if not there.all():
             text = (
-                f"{path}: {len(poses)} poses, but a scan {self.numbers[-1]}; {np.sum(~there)} scans are without truth"
+                f"{path}: {len(poses)} poses, but scans up to number {self.numbers[-1]}; "
+                f"{np.sum(~there)} scans have no ground truth"
             )
             problems.append(Problem("poses shorter than scans", text))
         return se3.from_first(truth), tuple(problems)

@@ -24,11 +24,13 @@ from slam.data.time_files import clock_rows, text_lines
 
 
 class KittiRaw(KittiSequence):
-    """`velodyne_points/`, `image_02/` and `oxts/` of one drive; calibration files beside the drive or inside it.
+    """`velodyne_points/`, `image_02/` and `oxts/` of one drive; calibration files in its folder or the folder above.
 
-    Scans are as the sensor swept them: the cloud has times. Stamps count from the first scan. The ground truth is
-    OXTS, interpolated at the scans' stamps. See `Dataset` for the fields. Raises InputError where there are no scans
-    or a file holds something else than it should.
+    Scans are not motion-compensated, and the clouds have times. Stamps begin at 0. The ground truth is interpolated
+    between OXTS packets at the scans' stamps. See `Dataset` for the properties.
+
+    Raises:
+        InputError: There are no scans, or a file has an unexpected content.
     """
 
     LAYOUT = "KITTI raw (*_sync/velodyne_points/data/*.bin)"
@@ -36,7 +38,7 @@ class KittiRaw(KittiSequence):
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The drive folders at or under a path by their names. See `Loader`."""
+        """Find the folders of drives at or under a path, by name. See `Loader`."""
         for pattern in (".", "*", "*/*"):
             found = sorted(path.glob(f"{pattern}/velodyne_points/data"))
             if found:
@@ -60,7 +62,7 @@ class KittiRaw(KittiSequence):
         return path / "image_02" / "data"
 
     def _read_stamps(self) -> tuple[Array, np.datetime64 | None, tuple[Problem, ...]]:
-        """Stamps (N,) [s] from the first scan on, its own, and what is wrong with them."""
+        """Read stamps (N,) [s] since the first scan, the time of the first scan, and problems."""
         path = self.path / "velodyne_points" / "timestamps.txt"
         every = _read_clock(path)
         clock = np.zeros(0, "datetime64[ns]") if every is None else rows_by_number(every, self.numbers, path)
@@ -75,14 +77,14 @@ class KittiRaw(KittiSequence):
         return stamps - stamps[0], start, problems
 
     def _find(self, name: str) -> Path | None:
-        """A calibration file: KITTI has it at the level of the date, some copies inside the drive."""
+        """Find a calibration file: KITTI has it in the folder of the date, some copies have it in that of the drive."""
         places = [folder / name for folder in (self.path, self.path.parent) if (folder / name).is_file()]
         return places[0] if places else None
 
     def _read_calibration(self) -> tuple[Calibration | None, tuple[Problem, ...]]:
         lidar, camera = self._find("calib_velo_to_cam.txt"), self._find("calib_cam_to_cam.txt")
         if lidar is None or camera is None:
-            text = f"{self.path}: no calib_velo_to_cam.txt and calib_cam_to_cam.txt here or beside it"
+            text = f"{self.path}: no calib_velo_to_cam.txt and calib_cam_to_cam.txt here or in the folder above"
             return None, (Problem("no calibration", f"{text}; the camera is not used"),)
         entries = read_keyed_numbers(camera)
         rectified = matrix(entries, camera, "R_rect_00") @ matrix(read_keyed_numbers(lidar), lidar, "R", "T")
@@ -94,28 +96,31 @@ class KittiRaw(KittiSequence):
         if len(files) < 2:
             return None, ()
         if calibration is None:
-            text = f"{self.path / 'oxts'}: left out, for there is no calib_imu_to_velo.txt in {self.path} or beside it"
+            text = f"{self.path / 'oxts'}: not used: no calib_imu_to_velo.txt in {self.path} or the folder above"
             return None, (Problem("no ground truth", text),)
         T_lidar_imu = matrix(read_keyed_numbers(calibration), calibration, "R", "T")
         seconds = self._packet_seconds(np.array(list(files)), start)
         poses = oxts.imu_poses(oxts.read_packets(list(files.values()))) @ se3.inverse(T_lidar_imu)
-        # Some drives hold packets whose stamps stand still or run backwards.
+        # In some drives the stamps of packets repeat or run backwards.
         rising = np.concatenate([[True], seconds[1:] > np.maximum.accumulate(seconds)[:-1]])
         truth = oxts.poses_at(seconds[rising], poses[rising], self.stamps)
         lost = int(np.isnan(truth[:, 0, 0]).sum())
-        text = f"{self.path / 'oxts'}: no packet near {lost} of {len(truth)} scans; they are without truth"
+        text = f"{self.path / 'oxts'}: no packet near {lost} of {len(truth)} scans; these have no ground truth"
         return se3.from_first(truth), (Problem("no ground truth", text),) if lost else ()
 
     def _packet_seconds(self, numbers: Array, start: np.datetime64 | None) -> Array:
-        """When OXTS packets were taken [s], from the first scan on: (M,), by their numbers where no clock tells."""
+        """Return the times (M,) of OXTS packets since the first scan [s]; by their numbers if there is no clock."""
         path = self.path / "oxts" / "timestamps.txt"
         clock = None if start is None else _read_clock(path)
-        if clock is None:  # of a synchronised drive: a packet for each scan
+        if clock is None:  # synchronised drives have one packet per scan
             return self.scan_period * (numbers - self.numbers[0])
         return np.asarray((rows_by_number(clock, numbers, path) - start) / np.timedelta64(1, "s"))
 
 
 def _read_clock(path: Path) -> Array | None:
-    """(N,) datetime64[ns] of KITTI's timestamps.txt, NaT for empty lines; None where there is no such file. Raises
-    InputError where it holds anything else."""
+    """Read KITTI's timestamps.txt: (N,) datetime64[ns], NaT for empty lines; None if there is no such file.
+
+    Raises:
+        InputError: A line is neither empty nor a date and time.
+    """
     return clock_rows(path, text_lines(path)) if path.exists() else None

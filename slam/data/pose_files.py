@@ -1,4 +1,4 @@
-"""Trajectories as text: KITTI's (a 3x4 pose a line), TUM's (`stamp tx ty tz qx qy qz qw`), and their relatives."""
+"""Trajectory files: KITTI's (a 3x4 pose per line), TUM's (`stamp tx ty tz qx qy qz qw`), and similar formats."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from slam.data.pose_table import PoseTable, read_pose_table
 from slam.data.quaternion_order import as_rotations, order_by_motion
 from slam.data.stamp_digits import epoch_unit, seconds_of
 
-#: Numbers up to here in the first of 13 or 17 columns count frames; stamps are larger, or have fractions.
+#: Whole numbers up to this in the first of 13 or 17 columns are frame numbers; stamps are larger, or have fractions.
 MOST_FRAMES = 1e7
-LONGEST_STEP = 100.0  # s between poses, as usual in a file; larger steps are of another unit
-LENGTH = 0.05  # that a quaternion's length may be off 1
+LONGEST_STEP = 100.0  # s, median step between poses; a larger one is in another unit
+LENGTH = 0.05  # tolerance of a quaternion's length
 NAMES_REMEDY = "'# stamp tx ty tz qx qy qz qw' or '... qw qx qy qz'"
 
 log = logging.getLogger(__name__)
@@ -29,17 +29,17 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Poses as a file has them.
+    """Poses of a file.
 
     Attributes:
         poses: (N, 4, 4) T_world_body, NaN where the file has no pose (zeros or NaN).
-        lines: (N,) the line of the file that each stands in.
-        stamps: (N,) seconds, None where the file has none.
-        numbers: (N,) int64, the frames that the poses are of, None where the file does not count them.
-        readings: The poses with their quaternions in either order, 'xyzw' and 'wxyz', where nobody has said which it is
-            but perhaps a header.
-        order: In which `poses` are read; None where it cannot be told and is taken for TUM's, and of matrices.
-        told_by: Who tells the order: 'the user', 'a header', 'the motion', or nobody, ''.
+        lines: (N,) the line of each pose in the file.
+        stamps: (N,) time stamps [s], None if the file has none.
+        numbers: (N,) int64, the frame numbers of the poses, None if the file has none.
+        readings: The poses for both orders of the quaternions, 'xyzw' and 'wxyz'; empty if the user states the order,
+            and for matrices.
+        order: Order in which `poses` are read; None for matrices, and if it is unknown and TUM's is assumed.
+        told_by: Source of the order: 'the user', 'a header', 'the motion', or '' without one.
     """
 
     poses: Array
@@ -52,9 +52,9 @@ class Trajectory:
 
 
 def read_poses(path: Path, quaternion: str | None = None) -> tuple[Array | None, Array]:
-    """Stamps (N,) [s], or None for KITTI's format, and poses (N, 4, 4) of a file that has no unknown ones.
+    """Read stamps (N,) [s], None for KITTI's format, and poses (N, 4, 4), all of which must be known.
 
-    The log says so where quaternions have w first by the motion alone. See `read_whole_trajectory`.
+    A warning is logged if only the motion shows that quaternions have w first. See `read_whole_trajectory`.
     """
     trajectory = read_whole_trajectory(path, quaternion)
     if (note := w_first_note(path, trajectory)) is not None:
@@ -63,41 +63,43 @@ def read_poses(path: Path, quaternion: str | None = None) -> tuple[Array | None,
 
 
 def w_first_note(path: Path, trajectory: Trajectory) -> str | None:
-    """That quaternions are not as TUM has them, where only the motion tells; None else."""
+    """Return a note that quaternions are not in TUM's order, if only the motion shows it; None otherwise."""
     if trajectory.order == "wxyz" and trajectory.told_by == "the motion":
-        return f"{path}: by the motion its quaternions have w first; a header line says so for good: {NAMES_REMEDY}"
+        return f"{path}: judging by the motion, its quaternions have w first; a header line states it: {NAMES_REMEDY}"
     return None
 
 
 def read_whole_trajectory(path: Path, quaternion: str | None = None) -> Trajectory:
-    """The trajectory of a file in which every pose is known.
+    """Read the trajectory of a file in which every pose is known.
 
     Raises:
-        InputError: As `read_trajectory`, or a pose is unknown, or the rows are numbered.
+        InputError: As in `read_trajectory`, or a pose is unknown, or the rows are numbered.
     """
     trajectory = read_trajectory(path, quaternion)
     unknown = ~np.isfinite(trajectory.poses).all(axis=(1, 2))
     if unknown.any():
         line = trajectory.lines[int(np.argmax(unknown))]
         fault = "a value that is not finite, zeros, or a quaternion of length zero"
-        raise InputError(f"{path}: line {line} holds no pose but {fault}; remove or repair it")
+        raise InputError(f"{path}: line {line} has no pose but {fault}; remove or repair it")
     if trajectory.numbers is not None:
         raise InputError(f"{path}: its first column numbers the frames; remove it, or give the frames' stamps instead")
     return trajectory
 
 
 def read_trajectory(path: Path, quaternion: str | None = None) -> Trajectory:
-    """The poses of a file of KITTI's format (12 columns, or 16), of TUM's (8), or of EuRoC's and others that name their
-    columns in a header or put a stamp or a frame's number before KITTI's.
+    """Read the poses of a file.
+
+    Formats: KITTI's (12 columns, or 16), also after a stamp or a frame number; TUM's (8); EuRoC's (17); and any columns
+    that a header names.
 
     Args:
         path: The file.
-        quaternion: 'xyzw' or 'wxyz', if the user says so; by default as a header names the columns, else as the motion
-            tells.
+        quaternion: Order of quaternions, 'xyzw' or 'wxyz'. Default: as a header names the columns, else as the motion
+            shows.
 
     Raises:
-        InputError: The file is missing, not made of numbers or of another format; or, with the line, a rotation is
-            none or is mirrored.
+        InputError: The file does not exist, contains something other than numbers, or has another format; or a
+            rotation is invalid or mirrored (the message has the line).
     """
     table = read_pose_table(path)
     columns = _named_columns(table.names)
@@ -113,7 +115,7 @@ def read_trajectory(path: Path, quaternion: str | None = None) -> Trajectory:
         if (first == np.round(first)).all() and first.min() >= 0 and first.max() < MOST_FRAMES:
             return Trajectory(poses, table.lines, numbers=first.astype(np.int64))
         return Trajectory(poses, table.lines, _seconds(table))
-    if count in (8, 17):  # EuRoC's has velocity and biases behind the pose
+    if count in (8, 17):  # EuRoC's has velocity and biases after the pose
         return _from_quaternions(path, table, table.values[:, 1:8], quaternion)
     raise InputError(
         f"{path}: {count} columns; KITTI's trajectories have 12, TUM's 8; others need a header like {NAMES_REMEDY}"
@@ -121,7 +123,7 @@ def read_trajectory(path: Path, quaternion: str | None = None) -> Trajectory:
 
 
 def _named_columns(names: tuple[str, ...]) -> tuple[int, ...] | None:
-    """Where x y z and w x y z of the quaternion stand, by a header; None where it does not say."""
+    """Find the columns of x y z and of the quaternion's w x y z in a header; None if it does not name them."""
     turns = {name[-1]: at for at, name in enumerate(names) if name and name[-1] in "wxyz" and _of_rotation(name)}
     places = {
         name[-1]: at
@@ -138,7 +140,7 @@ def _of_rotation(name: str) -> bool:
 
 
 def _from_matrices(path: Path, table: PoseTable, rows: Array) -> Array:
-    """Poses (N, 4, 4) of rows (N, 12 or 16), checked."""
+    """Convert rows (N, 12 or 16) to poses (N, 4, 4), and check the rotations."""
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3] = rows[:, :12].reshape(-1, 3, 4)
     unknown = ~np.isfinite(rows).all(axis=1) | (np.abs(poses[:, :3, :3]).max(axis=(1, 2)) < 1e-6)
@@ -150,7 +152,7 @@ def _from_matrices(path: Path, table: PoseTable, rows: Array) -> Array:
         mirrored = np.linalg.det(poses[first, :3, :3]) < 0
         fault = "mirrored (its determinant is negative)" if mirrored else "not orthonormal"
         raise InputError(
-            f"{path}: line {table.lines[first]}: its 3x3 part is {fault}, and such are not rotations; "
+            f"{path}: line {table.lines[first]}: its 3x3 part is {fault}, which is not a rotation; "
             "is it a KITTI trajectory (r11 r12 r13 tx ...)?"
         )
     return poses
@@ -159,8 +161,10 @@ def _from_matrices(path: Path, table: PoseTable, rows: Array) -> Array:
 def _from_quaternions(
     path: Path, table: PoseTable, values: Array, said: str | None, named: str | None = None
 ) -> Trajectory:
-    """A trajectory of values (N, 7): x y z and a quaternion, in the order that the user says, else that a header names,
-    else that the motion tells."""
+    """Create a trajectory from values (N, 7): x y z and a quaternion.
+
+    The order of the quaternion is that of the user (`said`), of a header (`named`), or the one that the motion shows.
+    """
     quaternions, length = values[:, 3:], np.linalg.norm(values[:, 3:], axis=1)
     known = np.isfinite(values).all(axis=1) & np.isfinite(table.values[:, 0]) & (length > 1e-6)
     wrong = known & (np.abs(length - 1) > LENGTH)
@@ -182,12 +186,12 @@ def _from_quaternions(
             readings[said or named or ""], table.lines, stamps, None, {} if said else readings, said or named, who
         )
     in_time = np.argsort(np.where(known, stamps, np.inf), kind="stable")[: known.sum()]
-    told = order_by_motion({way: poses[in_time] for way, poses in readings.items()}) if known.any() else None
+    told = order_by_motion({order: poses[in_time] for order, poses in readings.items()}) if known.any() else None
     return Trajectory(readings[told or "xyzw"], table.lines, stamps, None, readings, told, "the motion" if told else "")
 
 
 def _seconds(table: PoseTable) -> Array:
-    """The first column (N,) in seconds."""
+    """Convert the first column (N,) to seconds."""
     stamps = table.values[:, 0]
     if table.stamp_unit is not None:
         return np.asarray(stamps * table.stamp_unit)
@@ -199,14 +203,14 @@ def _seconds(table: PoseTable) -> Array:
 
 
 def kitti_text(poses: Array) -> str:
-    """Poses (N, 4, 4) as KITTI writes them, with digits enough for a micrometre at 10 km."""
+    """Format poses (N, 4, 4) as KITTI does, with enough digits for a micrometre at 10 km."""
     return "".join(" ".join(f"{value:.10g}" for value in pose[:3].ravel()) + "\n" for pose in poses)
 
 
 def tum_text(stamps: Array, poses: Array) -> str:
-    """Stamps (N,) and poses (N, 4, 4) as TUM writes them; w of the quaternion is not negative.
+    """Format stamps (N,) and poses (N, 4, 4) as TUM does; w of the quaternion is not negative.
 
-    What is no pose, as where nothing is known, becomes a row of NaN behind its stamp.
+    An unknown pose becomes NaN after its stamp.
     """
     rows = np.full((len(poses), 7), np.nan)
     sound = rotations(poses)

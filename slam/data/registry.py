@@ -1,4 +1,4 @@
-"""Factories by their names: our own, and those that other packages add through entry points."""
+"""Registries of factories by name: those of lidarlift, and those that other packages add by entry points."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Registry(Generic[T]):
-    """What can be chosen by name; nothing is imported before it is asked for.
+    """Names and what they stand for, which is imported when it is loaded.
 
     A package adds a name by an entry point, in its pyproject.toml:
 
         [project.entry-points."lidarlift.methods"]
-        its-name = "its_package.module:Class"
+        my-name = "my_package.module:Class"
 
     Attributes:
-        kind: What one of them is, for messages: "method".
-        own: Our names, each with the "module:attribute" of its factory.
-        group: The entry point group by which packages add names; None where they cannot.
+        kind: Kind of the entries, for messages: "method".
+        own: Names of lidarlift, each with the "module:attribute" of its factory.
+        group: Entry point group by which packages add names; None if they cannot.
     """
 
     kind: str
@@ -32,23 +32,23 @@ class Registry(Generic[T]):
     group: str | None = None
 
     def names(self) -> list[str]:
-        """All names: our own in their order, then those that packages add, sorted."""
+        """Return all names: those of lidarlift in their order, then those of other packages, sorted."""
         return [*self.own, *sorted({entry.name for entry in self._added()} - set(self.own))]
 
     def require(self, *names: str) -> None:
-        """Check names without importing what they stand for.
+        """Check names, without an import.
 
         Raises:
-            InputError: A name is unknown, with the nearest right one; or a package adds a name that is taken.
+            InputError: A name is unknown (the message has the most similar one), or two packages add the same name.
         """
         for name in names:
             self._entry(name)
 
     def load(self, name: str) -> Callable[..., T]:
-        """The factory of that name, imported.
+        """Import the factory of a name.
 
         Raises:
-            InputError: As `require`; or a package's entry point leads to nothing that can be called.
+            InputError: As in `require`, or the entry point of a package cannot be imported or called.
         """
         entry = self._entry(name)
         if entry.dist is None:
@@ -56,7 +56,7 @@ class Registry(Generic[T]):
             return factory
         try:
             found: Any = entry.load()
-        except Exception as error:  # whatever a package that we do not know raises while it is imported
+        except Exception as error:  # an unknown package can raise anything while it is imported
             raise self._broken(entry, f"{type(error).__name__}: {' '.join(str(error).split())}") from error
         if not callable(found):
             raise self._broken(entry, f"{entry.value} cannot be called")
@@ -67,7 +67,7 @@ class Registry(Generic[T]):
         own = [EntryPoint(name, self.own[name], self.group or "")] if name in self.own else []
         found = [*own, *(entry for entry in self._added() if entry.name == name)]
         if not found:
-            from slam.data.yaml_files import suggest  # imports numpy, which takes as long as all the rest of --help
+            from slam.data.yaml_files import suggest  # imports numpy, which takes as long as the rest of --help
 
             raise InputError(f"unknown {self.kind} '{name}'{suggest(name, self.names())}")
         if len(found) > 1:

@@ -1,4 +1,4 @@
-"""What the columns of a drive's scans mean, found once from its first scans: intensities, rings, times."""
+"""Meaning of the columns of scans (intensities, rings, times), estimated once per sequence from its first scans."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from slam.data.point_times import PointTimes, Sample, find_point_times
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
 
-SAMPLES = 8  # scans with points that are looked at
-MOST_RINGS = 1024  # of a sensor that nobody has named
-COUNTS = (16, 32, 40, 64, 128)  # of rings that LiDARs have
-MANY = 0.05  # of a scan's points: where more have no ring, nothing is known of the others' either
-USUAL_INTENSITY = 255.0  # of most drivers
-BRIGHT = 99.0  # percentile that counts as full where values go beyond that
+SAMPLES = 8  # scans with points that are examined
+MOST_RINGS = 1024  # of an unknown sensor
+COUNTS = (16, 32, 40, 64, 128)  # numbers of rings of LiDARs
+MANY = 0.05  # share of the points; if more have an impossible ring, the field is no ring number at all
+USUAL_INTENSITY = 255.0  # largest value of most drivers
+BRIGHT = 99.0  # percentile of the intensities that becomes 1, if values exceed USUAL_INTENSITY
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """How the columns of a drive become the fields of a `PointCloud`.
+    """Conversion of the columns of a sequence's scans into the fields of a `PointCloud`.
 
     Attributes:
-        times: The verdict on the points' times.
-        full_intensity: The value in the files that is an intensity of 1.
-        ring_of: (K,) the ring, 0 on top, of each ring number in the files, -1 where there is none such; None where the
+        times: Interpretation of the points' times.
+        full_intensity: Value in the files that becomes the intensity 1.
+        ring_of: (K,) the ring, 0 on top, of each ring number in the files, -1 for an impossible number; None if the
             files have no rings.
-        sensor: The LiDAR's laser lines, None where they are unknown.
-        rings: How many rings the LiDAR has, by its sensor or counted; None where the files have none.
-        problems: What is wrong with the columns as a whole.
+        sensor: Laser lines of the LiDAR, None if the sensor model is unknown.
+        rings: Number of rings, of the sensor or counted; None if the files have none.
+        problems: Problems of the columns as a whole.
     """
 
     times: PointTimes = field(default_factory=PointTimes)
@@ -47,7 +47,16 @@ class Columns:
     problems: tuple[Problem, ...] = ()
 
     def cloud(self, points: Points, stamp: float, path: Path) -> tuple[PointCloud, tuple[Problem, ...]]:
-        """The cloud of a scan at `stamp` [s], in our units, and what is wrong with its columns; `path` names it."""
+        """Convert a scan.
+
+        Args:
+            points: The scan as its file contains it.
+            stamp: Its time stamp [s].
+            path: Its name in messages.
+
+        Returns:
+            The cloud, and problems of the scan's columns.
+        """
         time, strays = self._time(points, stamp, path)
         ring, bad, odd = self._ring(points, path)
         cloud = PointCloud(points.xyz, self._intensity(points), ring, time)
@@ -70,10 +79,10 @@ class Columns:
         count = f"{path}: {missing} of {len(points.xyz)} points have no time within the sweep"
         if found is None:
             return None, (Problem("no point times", f"{count}; the scan is not deskewed"),)
-        return found, (Problem("stray point times", f"{count}; they take those of the points beside them"),)
+        return found, (Problem("stray point times", f"{count}; they take those of neighbouring points"),)
 
     def _ring(self, points: Points, path: Path) -> tuple[Array | None, Array | None, tuple[Problem, ...]]:
-        """Rings (N,) or None, which points are to be left out (N,) bool or None, and what was wrong."""
+        """Return rings (N,) or None, the points to leave out (N,) bool or None, and problems."""
         if len(points.xyz) == 0:
             return None, None, ()
         if self.ring_of is None or points.ring is None:
@@ -89,7 +98,7 @@ class Columns:
         if self.sensor is None:
             return None, None, (Problem("ring unknown", f"{count}; the scan has none"),)
         lines = rings_by_lines(points.xyz, self.sensor)
-        return lines, None, (Problem("ring unknown", f"{count}; the laser lines tell instead"),)
+        return lines, None, (Problem("ring unknown", f"{count}; rings follow from the laser lines instead"),)
 
 
 def find_columns(
@@ -100,18 +109,18 @@ def find_columns(
     where: object = "the scans",
     compensated: bool = False,
 ) -> Columns:
-    """What the columns of a drive mean.
+    """Estimate the meaning of the columns of a sequence.
 
     Args:
-        scans: Its first scans with their stamps [s], None where these are not known.
-        sensor: The LiDAR, None where it is unknown.
-        said: What the user says of fields and stamps.
-        period: Seconds from scan to scan, None where it is not known.
-        where: What to name in messages.
-        compensated: Whether the motion within a sweep has been taken out of the scans, whatever the sensor says.
+        scans: The first scans with their stamps [s], None if the stamps are unknown.
+        sensor: The LiDAR, None if the sensor model is unknown.
+        said: Conventions that the user states.
+        period: Time between scans [s], None if unknown.
+        where: Name of the sequence in messages.
+        compensated: The scans are motion-compensated, whatever the sensor model says.
 
     Raises:
-        InputError: The rings are not those of the sensor, or a field is not there that the user names.
+        InputError: The rings are not those of the sensor, or a field that the user names does not exist.
     """
     said = said or Conventions()
     scans = [(points, stamp) for points, stamp in scans if len(points.xyz)]
@@ -128,20 +137,25 @@ def find_columns(
 
 
 def usual_rings(highest: int) -> int:
-    """How many rings a LiDAR has of which the `highest` number (from 0) is seen: as many as there are LiDARs with, for
-    the uppermost often see nothing but sky."""
+    """Return the number of rings of an existing LiDAR whose `highest` ring number seen, from 0, is given.
+
+    The uppermost rings often have no returns, since they see the sky only.
+    """
     return next((count for count in COUNTS if count > highest), 1 << highest.bit_length())
 
 
 def rings_by_lines(xyz: Array, sensor: Sensor) -> Array:
-    """(N,) int16. Scans in KITTI's order come out exactly, also after motion compensation, which moves points off their
-    lines; others take the nearest laser line."""
+    """Assign points to rings (N,) int16.
+
+    For scans in KITTI's order the result is exact, also after motion compensation, which moves points off their laser
+    lines; other points are assigned to the nearest line.
+    """
     ring, found = recover_rings(xyz)
     return ring if found == sensor.ring_count else nearest_rings(xyz, sensor)
 
 
 def _full_intensity(scans: Sequence[Points]) -> float:
-    """1, 255 (Velodyne and most others), or what only the brightest of 16-bit values reach."""
+    """Estimate the full intensity: 1, 255 (Velodyne and most others), or a high percentile of 16-bit values."""
     known = [points.intensity for points in scans if points.intensity is not None]
     if any(values.dtype == np.uint8 for values in known):
         return USUAL_INTENSITY
@@ -153,7 +167,7 @@ def _full_intensity(scans: Sequence[Points]) -> float:
 
 
 def _whole(ring: Array, count: int) -> Array:
-    """(N,) int64: the numbers of rings, -1 for what is none of 0 .. count - 1."""
+    """Return ring numbers as (N,) int64, -1 for values that are not one of 0 .. count - 1."""
     with np.errstate(invalid="ignore"):
         sound = np.isfinite(ring) & (ring >= 0) & (ring < count) & (ring == np.floor(ring))
     return np.where(sound, np.where(sound, ring, 0).astype(np.int64), -1)
@@ -162,7 +176,7 @@ def _whole(ring: Array, count: int) -> Array:
 def _ring_numbers(
     scans: Sequence[Points], sensor: Sensor | None, where: object
 ) -> tuple[Array | None, tuple[Problem, ...]]:
-    """Which ring each number in the files is, (K,), None where there are none."""
+    """Estimate the ring of each ring number in the files, (K,); None if the files have no rings."""
     found = [(points.xyz, _whole(points.ring, MOST_RINGS)) for points in scans if points.ring is not None]
     if not found:
         return None, ()
@@ -177,7 +191,9 @@ def _ring_numbers(
         if sensor:
             limit = f"the sensor {sensor.name} has {count}"
             raise InputError(f"{text}, but {limit}; name the right one with --sensor")
-        return None, (Problem("ring unknown", f"{text}, but 0 to {MOST_RINGS - 1} make sense; the scans have none"),)
+        return None, (
+            Problem("ring unknown", f"{text}, but only 0 to {MOST_RINGS - 1} are possible; the scans have no rings"),
+        )
     sound = [(xyz[~bad], ring[~bad] - from_one) for (xyz, ring), bad in zip(found, wrong, strict=True)]
     xyz, numbers = (np.concatenate(column) for column in zip(*sound, strict=True))
     ring_of = _from_top(xyz, numbers, count, sensor)
@@ -185,8 +201,10 @@ def _ring_numbers(
 
 
 def _from_top(xyz: Array, numbers: Array, count: int, sensor: Sensor | None) -> Array:
-    """(count,) the ring of each number 0 .. count - 1: Velodyne's drivers count from the bottom, others from the top,
-    and numbers of lasers in the order in which they fire go up and down."""
+    """Estimate the ring (count,), 0 on top, of each number 0 .. count - 1.
+
+    Velodyne's drivers count from the bottom, others from the top; numbers in the firing order of the lasers alternate.
+    """
     slope = xyz[:, 2] / np.maximum(np.hypot(xyz[:, 0], xyz[:, 1]), 1e-3)
     present = np.unique(numbers)
     heights = np.array([np.median(slope[numbers == number]) for number in present])
@@ -207,5 +225,5 @@ def _from_top(xyz: Array, numbers: Array, count: int, sensor: Sensor | None) -> 
 
 
 def _share_in_order(rings: Array) -> float:
-    """Of the steps between them, how many go down the sensor."""
+    """Return the share of consecutive rings that are in order, from the top down."""
     return float(np.mean(np.diff(rings) > 0)) if len(rings) > 1 else 1.0

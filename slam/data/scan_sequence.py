@@ -1,4 +1,4 @@
-"""What loaders share whose drives have a file for each scan."""
+"""Base class of loaders for sequences with one file per scan."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from slam.data.scan_names import ScanNames
 from slam.data.sensor import Sensor
 from slam.data.stamps import usual_step
 
-LOOKED_AT = 3 * SAMPLES  # scans at most, for as many as are needed with points
+EXAMINED = 3 * SAMPLES  # scans at most, to find SAMPLES of them with points
 
 
 class ScanSequence:
-    """Scans in their order, with what belongs to them. What their intensities, rings and points' times mean is found
-    from the first ones, once for all. See `Dataset` for the fields.
+    """A sequence with one file per scan. See `Dataset` for the properties.
 
-    A loader says which files there are, how they are read and when they were taken, then adds truth and camera.
+    The meaning of intensities, rings and times is estimated once, from the first scans. A loader passes the files,
+    their reading and their stamps, then adds ground truth and cameras.
 
     Args:
-        path: The drive's folder.
-        name: For tables and run.json.
-        scans: The files with their numbers and, where these are known, their stamps.
-        stamps_from: Where the stamps are from.
-        reading: How the files are read.
-        sensor: The LiDAR, None where it is unknown.
-        said: What is known of stamps and fields.
-        compensated: Whether the scans' maker has taken the motion within a sweep out of them.
-        no_stamps: What to say where there are no stamps.
+        path: Folder of the sequence.
+        name: Name for tables and run.json.
+        scans: The files with their numbers and, if known, their stamps.
+        stamps_from: Source of the stamps.
+        reading: Reading of the files.
+        sensor: The LiDAR, None if the sensor model is unknown.
+        said: Conventions of stamps and fields that are known.
+        compensated: The scans are motion-compensated, whatever the sensor model says.
+        no_stamps: Reason why there are no stamps, for the message.
     """
 
     def __init__(
@@ -77,12 +77,12 @@ class ScanSequence:
 
     @property
     def images(self) -> tuple[Path | None, ...]:
-        """Of each scan its image's file, or None."""
+        """The file of each scan's image, or None."""
         return tuple(None if image is None else image.path for image in self._images)
 
     @property
     def folders(self) -> tuple[Path, ...]:
-        """What the drive is read from: nothing may be written there."""
+        """The folders that the sequence is read from: nothing may be written there."""
         images = () if self._image_folder is None else (self._image_folder,)
         return (self.path, self._files[0].parent, *images, *(folder for _, folder, _ in self._other_cameras))
 
@@ -106,36 +106,36 @@ class ScanSequence:
         )
 
     def points(self, position: int) -> Points:
-        """A scan as its file has it, in our axes."""
+        """Read a scan as its file contains it, x forward, y left, z up."""
         return read_points(self._files[position], self.reading)
 
     def note(self, *problems: Problem) -> None:
-        """What else is wrong with the drive as a whole."""
+        """Add problems of the sequence as a whole."""
         self.problems = (*self.problems, *problems)
 
     def take_truth(self, truth: GroundTruth) -> None:
-        """The drive's ground truth, and what is wrong with it."""
+        """Set the ground truth, and add its problems."""
         self.ground_truth, self.truth_readings = truth.poses, truth.readings
         self.note(*truth.problems)
 
     def take_images(self, folder: Path | None, unit: str | None = None) -> None:
-        """The images of a folder, matched with the scans (see `matched_images`); none where there is no folder."""
+        """Match the images of a folder with the scans (see `matched_images`), if the folder exists."""
         if folder is not None and folder.is_dir():
             found = matched_images(folder, self._files, self.stamps, self.known_times, unit)
             self._image_folder, self._images, unmatched = found
             self.note(*unmatched)
 
     def take_other_camera(self, calibration: Calibration, folder: Path) -> None:
-        """A camera beside the one that looks ahead, and its images, matched with the scans likewise."""
+        """Add a further camera, and match its images with the scans."""
         place, images, unmatched = matched_images(folder, self._files, self.stamps, self.known_times)
         self.note(*unmatched)
         if place is not None:
             self._other_cameras.append((calibration, place, images))
 
     def _first_scans(self, stamps: Array | None) -> list[tuple[Points, float | None]]:
-        """Those with points, and their stamps where they were recorded."""
+        """Read the first scans with points, with their stamps if these were recorded."""
         found: list[tuple[Points, float | None]] = []
-        for position in range(min(len(self), LOOKED_AT)):
+        for position in range(min(len(self), EXAMINED)):
             points = self.points(position)
             if len(points.xyz):
                 found.append((points, None if stamps is None else float(stamps[position])))
@@ -144,11 +144,11 @@ class ScanSequence:
         return found
 
     def _assumed_stamps(self, step: int, no_stamps: str) -> Array:
-        """Of scans that are evenly spaced: as the points' times have it, else at SCAN_PERIOD."""
+        """Return evenly spaced stamps: with the period of the points' times, else SCAN_PERIOD."""
         times = self.point_times
         period = (times.period or times.sweep) if times.field else SCAN_PERIOD
         counted = self.numbers - self.numbers[0] if step == 1 else np.arange(len(self))
-        why = f"as field {times.field} has it" if times.field else "assumed"
+        why = f"as in field {times.field}" if times.field else "assumed"
         text = f"{self.path}: {no_stamps}; {1 / period:.3g} scans a second {why}"
         self.note(Problem("no time stamps", text))
         return np.asarray(counted * period)

@@ -107,7 +107,9 @@ class NdtTarget:
         """Register points in the map, level by level, by Gauss-Newton on SE(3).
 
         Robust weights are recomputed in every step (IRLS). The coarse levels have half of the iterations: they only
-        have to converge to within a cell of the finest level.
+        have to converge to within a cell of the finest level. The cells made for a new map may lead away from a good
+        guess, often to where the rings coincide with those of the last scan; so the points are registered without them
+        as well, and the pose with more evidence is returned.
 
         Args:
             xyz: Points (N, 3).
@@ -115,13 +117,24 @@ class NdtTarget:
             guess: Initial pose (4, 4).
             locked: Directions (K, 6), in the map's axes, along which no step is taken.
         """
-        pose, converged, last_level = guess, False, self.levels[-1]
-        for level in self._levels_for(xyz, weight, guess):
-            last_level = level
+        levels = self._levels_for(xyz, weight, guess)
+        found = self._descend(levels, xyz, weight, guess, locked)
+        if levels[0] in self.levels:
+            return found
+        score = self.scorer(xyz, weight, guess)
+        direct = self._descend(self.levels, xyz, weight, guess, locked)
+        return max(found, direct, key=lambda registration: score(registration.pose))
+
+    def _descend(
+        self, levels: list[VoxelGaussians], xyz: Array, weight: Array, guess: Array, locked: Array
+    ) -> RegistrationResult:
+        """Register points in each of the levels, from coarse to fine, starting where the last one ended."""
+        pose, converged = guess, False
+        for level in levels:
             limit = self.max_iterations if level is self.levels[-1] else self.max_iterations // 2
             pose, converged = minimise(partial(self._linearise, level, xyz, weight), pose, limit, locked)
         scores = np.zeros((len(xyz), 6))
-        model = self._linearise(last_level, xyz, weight, pose, scores)
+        model = self._linearise(levels[-1], xyz, weight, pose, scores)
         return result(model, pose, converged, xyz, scores)
 
     def _levels_for(self, xyz: Array, weight: Array, guess: Array) -> list[VoxelGaussians]:

@@ -230,7 +230,7 @@ def without_times(folder: Path) -> None:
     write(folder, (scan(FRACTION, t=(T / 2 * 1e9).astype(np.uint32)) for _ in range(SCANS)), times=None)
     data = open_dataset(folder)
     assert [problem.kind for problem in data.problems] == ["no time stamps"]
-    assert "20 scans a second as field t has it" in data.problems[0].message
+    assert "20 scans a second as in field t" in data.problems[0].message
     np.testing.assert_allclose(np.diff(data.stamps), 0.05, atol=1e-9)
 
 

@@ -463,7 +463,7 @@ def cameras_truth(bench: Bench) -> None:
         bench, *text((T_CAMERA_LIDAR @ bench.street_poses @ se3.inverse(T_CAMERA_LIDAR))[:, :3].reshape(-1, 12))
     )
     assert [problem.kind for problem in run.problems] == ["no ground truth"]
-    assert "as a camera's do" in run.problems[0].message
+    assert "as a camera does" in run.problems[0].message
     assert run.ground_truth is None
 
 
@@ -496,7 +496,7 @@ def truth_of_a_lidar(bench: Bench) -> None:
     (path.parent.parent / "poses" / "77.txt").write_text(kitti_text(bench.street_poses))
     data = open_dataset(path)
     assert data.ground_truth is None
-    assert "camera 0's, along z" in data.problems[-1].message
+    assert "of camera 0, along z" in data.problems[-1].message
 
 
 def sound_and_unsound(_: Bench) -> None:

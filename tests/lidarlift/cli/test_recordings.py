@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,42 @@ def test_a_part_of_it(lidarlift: Command, recording: Path) -> None:
     assert lidarlift("run", recording, "--start", "0.25s", "--duration", "0.3s", "--out", "r").code == 0
     stamps = np.loadtxt("r/trajectory_tum.txt")[:, 0]
     np.testing.assert_allclose(stamps, [5.3, 5.4, 5.5])
+
+
+def test_every_command_that_opens_a_recording_takes_its_options(lidarlift: Command, recording: Path) -> None:
+    commands = (
+        ("run",),
+        ("compare",),
+        ("info",),
+        ("enrich", "--out", "e"),
+        ("study", "sparsity"),
+        ("study", "edges"),
+        ("depth-benchmark",),
+        ("fit-lasers",),
+    )
+    for command in commands:
+        lidarlift(*command, recording, "--topic", "/point").refused("--topic /point: no such topic")
+        lidarlift(*command, recording, "--start", "3h").refused("no scans there")
+        lidarlift(*command, recording, "--stamp", "middle", "--truth-topic", "/no").refused("--truth-topic /no")
+
+
+def test_a_part_is_inspected_and_enriched(lidarlift: Command, recording: Path) -> None:
+    part = ("--start", "0.25s", "--duration", "0.3s", "--sensor", "hdl64")
+    done = lidarlift("info", recording, *part)
+    assert "3, numbers 3 to 5" in done.out
+    assert "--sensor hdl64 --start 0.25 --duration 0.3" in " ".join(done.out.split())
+    assert lidarlift("enrich", recording, *part, "--enricher", "ray-segment", "--out", "e").code == 0
+    assert sorted(file.name for file in Path("e").iterdir()) == [f"{number:06d}.pcd" for number in (3, 4, 5)]
+
+
+def test_the_truth_of_a_recording_is_a_reference(lidarlift: Command, recording: Path) -> None:
+    assert lidarlift("run", recording, "--sensor", "hdl64", "--out", "r").code == 0
+    expected = json.loads(Path("r/metrics.json").read_text())["slam"]["ate"]["aligned"]["rmse"]
+    done = lidarlift("evaluate", "r/trajectory_tum.txt", recording, "--truth-topic", "/gt/odom")
+    assert done.ate == pytest.approx(expected, abs=5.1e-4)
+    lidarlift("evaluate", "r/trajectory_tum.txt", recording, "--truth-topic", "/gt").refused("--truth-topic /gt")
+    refused = lidarlift("evaluate", "r/trajectory_tum.txt", "r/ground_truth_tum.txt", "--truth-topic", "/gt")
+    refused.refused("--truth-topic is for a data set as reference; leave it out")
 
 
 @pytest.mark.parametrize(
