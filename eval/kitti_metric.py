@@ -27,6 +27,9 @@ LENGTHS = (
 #: The body rotation ignores directions whose singular value is below this share of the largest.
 OBSERVABLE = 0.01
 
+#: Segment lengths [m] of `drift_by_length`.
+LADDER = (5.0, 10.0, 20.0, 50.0, *LENGTHS[0][1])
+
 PROTOCOL = {
     "drift": "KITTI devkit's odometry metric, no alignment: mean over segments of the reference's path of the error of "
     "the relative pose, divided by the length; a start every 10 frames. 100-800 m as far as they fit from 200 m of "
@@ -97,6 +100,23 @@ class Drift:
         )
 
 
+@dataclass(frozen=True)
+class SegmentMeans:
+    """Mean errors over all segments of one length.
+
+    Attributes:
+        length_m: The length [m].
+        segments: Number of segments.
+        translation_percent: Mean translation error [%].
+        rotation_deg_per_100m: Mean rotation error [deg/100 m].
+    """
+
+    length_m: float
+    segments: int
+    translation_percent: float
+    rotation_deg_per_100m: float
+
+
 def kitti_drift(estimate: Array, reference: Array) -> Drift:
     """Compute the drift of an estimate against its reference by KITTI's odometry metric.
 
@@ -133,6 +153,32 @@ def kitti_drift(estimate: Array, reference: Array) -> Drift:
     used = tuple(sorted(set(length.tolist())))
     translation, rotation = _mean_errors(delta_e, delta_g, length)
     return Drift(translation, rotation, used, len(first), _name(used), _without_rotation(delta_e, delta_g, length))
+
+
+def drift_by_length(estimate: Array, reference: Array) -> list[SegmentMeans]:
+    """Compute the errors of `kitti_drift` for each segment length of `LADDER` that fits, separately.
+
+    Args:
+        estimate: Poses e (N, 4, 4) [m].
+        reference: Poses g (N, 4, 4) [m] of the same body at the same instants.
+
+    Returns:
+        The means, shortest length first; empty if the path is too short for any.
+
+    Example:
+        >>> line = np.tile(np.eye(4), (31, 1, 1)); line[:, 0, 3] = 1.01 * np.arange(31)
+        >>> long = line.copy(); long[:, 0, 3] *= 1.02
+        >>> [(means.length_m, means.segments) for means in drift_by_length(long, line)]
+        [(5.0, 3), (10.0, 3), (20.0, 2)]
+    """
+    first, last, length = _segments(distances(reference), LADDER)
+    delta_e = se3.inverse(estimate[first]) @ estimate[last]
+    delta_g = se3.inverse(reference[first]) @ reference[last]
+    means = []
+    for value in np.unique(length):
+        of = length == value
+        means.append(SegmentMeans(float(value), int(of.sum()), *_mean_errors(delta_e[of], delta_g[of], length[of])))
+    return means
 
 
 def _segments(travelled: Array, lengths: tuple[float, ...]) -> tuple[Array, Array, Array]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from lidarlift.folders import require_apart
 from lidarlift.front_ends import FEW_RINGS, MOST_ENRICHED, TRAINING_FREE, input_name, opened, with_runnable_enricher
 from lidarlift.reporting import Quiet, Reporter
+from lidarlift.reports import report_runs
 from lidarlift.running import run_into
 from slam.config import load_config
 from slam.data.atomic import require_writable, write_text
@@ -40,7 +41,7 @@ def compare(
 
     Args:
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
-        out: The folder for a run folder each, compare.json and compare.md.
+        out: The folder for a run folder each, compare.json, compare.md and report.html.
         sequence: Name of the sequence, if the folder has several.
         sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
         enricher: The enrichment method; by default that of the settings.
@@ -105,8 +106,11 @@ def compare_into(
     name: str | None = None,
     strict: bool = False,
     on_row: Callable[[str], None] | None = None,
+    command: str | None = None,
 ) -> Comparison:
-    """Write a run folder for each row, with compare.json and compare.md; call `on_row` when a row is done.
+    """Write a run folder for each row, with compare.json, compare.md and the report.
+
+    `on_row` is called when a row is done; `command` is the command line that repeats the comparison, for the report.
 
     Raises:
         InputError: As `lidarlift.run`. A folder that cannot be written, or is the data set's own, is reported
@@ -121,12 +125,14 @@ def compare_into(
     for each in folders.values():
         require_writable(each)
     for row, settings in rows.items():
-        run_into(folders[row], data, settings, frames, reporter, name=name, strict=strict)
+        run_into(folders[row], data, settings, frames, reporter, name=name, strict=strict, report=False)
         if on_row:
             on_row(row)
     comparison = compare_runs(folders)
     write_json(folder / "compare.json", comparison.as_dict())
-    write_text(folder / "compare.md", comparison_markdown(comparison, comparison_title(data, rows, frames, name)))
+    title = comparison_title(data, rows, frames, name)
+    write_text(folder / "compare.md", comparison_markdown(comparison, title))
+    report_runs(folder, title, folders, command)
     return comparison
 
 

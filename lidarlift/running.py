@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from lidarlift.folders import require_apart
 from lidarlift.front_ends import front_end_maker, input_name, opened, settings_for
+from lidarlift.kept_scan import KeptScan
 from lidarlift.reporting import Quiet, Reporter, note_problems
+from lidarlift.reports import report_run
 from slam.data.atomic import require_writable
 from slam.data.errors import InputError
 
@@ -92,6 +94,8 @@ def run_into(
     odometry: Path | None = None,
     name: str | None = None,
     strict: bool = False,
+    report: bool = True,
+    command: str | None = None,
     resume: bool | None = None,
 ) -> tuple[Run, RunMetrics | None]:
     """Run SLAM with complete settings, and write the run folder. See `run`.
@@ -105,6 +109,8 @@ def run_into(
         odometry: A file with LiDAR poses of another odometry, in place of ours.
         name: Name in progress and plot. Default: that of the data set.
         strict: Raise an error at the first problem of the data.
+        report: Write the report, too.
+        command: The command line that makes the run again, for the report.
         resume: Continue the unfinished run in the folder: True, and refuse if it has another identity; False, refuse if
             there is one; None, continue it if it is the same run, else replace it.
 
@@ -114,7 +120,8 @@ def run_into(
     Raises:
         InputError: As `run`.
     """
-    return _Task(data, settings, frames, odometry, strict, reporter, name).run_into(folder, resume)
+    task = _Task(data, settings, frames, odometry, strict, reporter, name)
+    return task.run_into(folder, resume, report, command)
 
 
 @dataclass(frozen=True)
@@ -133,6 +140,10 @@ class _Task:
     def title(self) -> str:
         return f"{self.name or self.data.name}, {input_name(self.settings)}"
 
+    @property
+    def report_title(self) -> str:
+        return f"{self.title}, {len(range(len(self.data))[self.frames])} frames"
+
     def recorded(self) -> RecordedOdometry | None:
         """The poses of another odometry."""
         from slam.recorded_odometry import RecordedOdometry
@@ -145,6 +156,7 @@ class _Task:
         journal: Journal | None = None,
         on_odometry: Callable[[Run], None] | None = None,
         on_stop: Callable[[Run], None] | None = None,
+        kept: KeptScan | None = None,
     ) -> Run:
         from slam.compilation import compile_kernels
         from slam.data.dataset import ring_count
@@ -157,7 +169,8 @@ class _Task:
             self.settings, lambda: self.reporter.note("compiling kernels, only at the first run: about 20 s ...")
         )
         with self.reporter.progress(self.title, len(range(len(self.data))[self.frames])) as advance:
-            result = Pipeline(self.settings, make_front_end).run(
+            around = kept.around if kept else lambda front_end: front_end
+            result = Pipeline(self.settings, lambda: around(make_front_end())).run(
                 self.data,
                 self.frames,
                 recorded=recorded,
@@ -170,9 +183,12 @@ class _Task:
         note_problems(result.problems, self.reporter)
         return result
 
-    def run_into(self, folder: Path, resume: bool | None) -> tuple[Run, RunMetrics | None]:
+    def run_into(
+        self, folder: Path, resume: bool | None, report: bool = True, command: str | None = None
+    ) -> tuple[Run, RunMetrics | None]:
         from eval.evaluation import evaluate_run
         from eval.plot import plot_run
+        from eval.report.scan import save_scan
         from slam.data.dataset import chosen_positions
         from slam.identity import identity
         from slam.journal.lock import locked
@@ -189,19 +205,24 @@ class _Task:
                 frames = f"stopped after {len(run.records)} frames"
                 self.reporter.note(f"{frames}; the poses are written to {written}, and --resume continues the run")
 
+        kept = KeptScan(len(range(len(self.data))[self.frames]))
         with locked(folder):
             journal = self._journal(folder, about, resume)
             try:
                 with journal:
                     # the odometry is saved first, so that it is kept if loops or map fail or are interrupted
-                    result = self.run(recorded, journal, lambda run: save_odometry(run, folder), save_partial)
+                    result = self.run(recorded, journal, lambda run: save_odometry(run, folder), save_partial, kept)
                     save_run(result, folder, journal)
             except BaseException as error:
                 if isinstance(error, RefusedError) or not journal.counts()["frame"]:
                     drop_session(folder)
                 raise
+            if scan := kept.scan():
+                save_scan(folder, scan)
             metrics = evaluate_run(folder)
             plot_run(folder, self.title)
+            if report:
+                report_run(folder, self.report_title, command)
         return result, metrics
 
     def _journal(self, folder: Path, about: dict[str, Any], resume: bool | None) -> Journal:

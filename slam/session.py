@@ -47,6 +47,8 @@ RESULTS = (  # written after loops and map
     "graph.g2o",
     "map.pcd",
     "map.png",
+    "scan.npz",
+    "report.html",
 )
 ODOMETRY = ("odometry_kitti.txt", "odometry_tum.txt", "ground_truth_tum.txt", "timings.csv")  # written before that
 SESSION, UNFINISHED = "session", "unfinished"  # folders in the run folder

@@ -184,10 +184,15 @@ class Result(NamedTuple):
 
 @pytest.fixture
 def lidarlift(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path, request: pytest.FixtureRequest
 ) -> Callable[..., Result]:
-    """`lidarlift("run", path)`: the command in this process, for each start takes seconds. Exceptions are bugs."""
+    """`lidarlift("run", path)`: the command in this process, for each start takes seconds. Exceptions are bugs.
+
+    Runs write no report, which takes seconds, unless the test has the mark `report`.
+    """
     monkeypatch.chdir(tmp_path)
+    if request.node.get_closest_marker("report") is None:
+        monkeypatch.setattr("eval.report.writing.write_report", lambda folder, _: folder / "report.html")
 
     def command(*arguments: object) -> Result:
         monkeypatch.setattr(sys, "argv", ["lidarlift", *map(str, arguments)])

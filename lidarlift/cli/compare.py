@@ -17,7 +17,7 @@ from lidarlift.cli.arguments import (
     StrictOption,
     frame_slice,
 )
-from lidarlift.cli.console import Console
+from lidarlift.cli.console import Console, command_line
 from lidarlift.cli.data_options import DataOptions, with_data_options
 from lidarlift.comparing import available_inputs, compare_into, comparison_title, rows_for
 from lidarlift.comparing_trajectories import compared, is_of_trajectories
@@ -75,7 +75,7 @@ def compare(
     data = reading.opened(Path(paths[0]))
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
     rows, chosen = rows_for(available_inputs(data), enricher, config, set_ or ()), frame_slice(frames)
-    comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict)
+    comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict, command=command_line())
     print_comparison(comparison, comparison_title(data, rows, chosen), folder, rows)
 
 
@@ -107,3 +107,4 @@ def print_comparison(comparison: Comparison, title: str, folder: Path, rows: Ite
     for row in rows:
         print(f"{folder / row}: {files}")
     print(f"{folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")
+    print(f"{folder / 'report.html'}: everything in one page, for a browser")

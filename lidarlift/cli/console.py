@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
@@ -31,6 +33,11 @@ def progress(title: str, total: int) -> Iterator[Callable[[], None]]:
             bar.update(task, advance=1, rate=f"{speed:.1f}" if speed else "-")
 
         yield advance
+
+
+def command_line() -> str:
+    """Return the command line of this process as a person would type it."""
+    return shlex.join(["lidarlift", *sys.argv[1:]])
 
 
 class Console(Reporter):

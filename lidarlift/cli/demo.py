@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lidarlift.cli.compare import print_comparison
-from lidarlift.cli.console import Console, messages, progress
+from lidarlift.cli.console import Console, command_line, messages, progress
 from lidarlift.cli.forecast import Forecast
 from lidarlift.comparing import INPUTS, compare_into, comparison_title, rows_for
 from slam.data.atomic import require_writable
@@ -77,7 +77,8 @@ def demo(
         forecast.done(row)
         messages.print(_line(row, out / row) + (f"; {forecast} left" if forecast.left else ""))
 
-    comparison = compare_into(out, data, rows, slice(count), Console(), name=NAME, on_row=row_done)
+    frames, command = slice(count), command_line()
+    comparison = compare_into(out, data, rows, frames, Console(), name=NAME, on_row=row_done, command=command)
     print_comparison(comparison, comparison_title(data, rows, slice(count), NAME), out, rows)
     print("With your own data: lidarlift compare path/to/sequence, or lidarlift run path/to/sequence")
 

@@ -37,37 +37,42 @@ def line(length: float, count: int = 101) -> Array:
     return poses
 
 
+def _write_run(
+    folder: Path, length: float, reference: float | None = 100.0, failed: int = 0, notes: Sequence[str] = ()
+) -> Path:
+    folder.mkdir(parents=True)
+    stamps = np.arange(101.0)
+    report = {
+        "protocol": {"dataset": "Street", "path": None, "frames": [0, 101, 1], "input": folder.name, "config": {}},
+        "counts": {"frames": 101, "registered": 101 - failed, "retried": 0, "degenerate": 0, "failed": failed},
+        "notes": list(notes),
+        "problems": [],
+        "loops": {"keyframes": 50, "candidates": 9, "accepted": 7},
+        "path_length_m": length,
+        "map_points": 1_234_567,
+        "peak_memory_mb": 512,
+        "timings_ms": {"front_end": {"median": 1.25, "p95": 3.0}, "odometry": {"median": 12.5, "p95": 20.0}},
+    }
+    (folder / "run.json").write_text(json.dumps(report))
+    frames = zip(range(101), cycle(FRAMES), strict=False)
+    (folder / "timings.csv").write_text(TIMINGS + "".join(f"{k},{k}.0,{rest}\n" for k, rest in frames))
+    (folder / "loops.csv").write_text(LOOPS)
+    for track in ("odometry", "trajectory"):
+        (folder / f"{track}_tum.txt").write_text(tum_text(stamps, line(length)))
+    if reference:
+        metrics = evaluate_poses(line(length), line(reference))
+        write_json(folder / "metrics.json", RunMetrics(metrics, metrics).as_dict())
+        (folder / "ground_truth_tum.txt").write_text(tum_text(stamps, line(reference)))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def write_run() -> Callable[..., Path]:
+    """`write_run(folder, 101.0)`: a run whose path of 100 m was found 101 m long."""
+    return _write_run
+
+
 @pytest.fixture
 def run_folder(tmp_path: Path) -> Callable[..., Path]:
-    """`run_folder("16", 101.0)`: a run whose path of 100 m was found 101 m long."""
-
-    def write(
-        name: str, length: float, reference: float | None = 100.0, failed: int = 0, notes: Sequence[str] = ()
-    ) -> Path:
-        folder = tmp_path / name
-        folder.mkdir()
-        stamps = np.arange(101.0)
-        report = {
-            "protocol": {"dataset": "Street", "path": None, "frames": [0, 101, 1], "input": name, "config": {}},
-            "counts": {"frames": 101, "registered": 101 - failed, "retried": 0, "degenerate": 0, "failed": failed},
-            "notes": list(notes),
-            "problems": [],
-            "loops": {"keyframes": 50, "candidates": 9, "accepted": 7},
-            "path_length_m": length,
-            "map_points": 1_234_567,
-            "peak_memory_mb": 512,
-            "timings_ms": {"front_end": {"median": 1.25, "p95": 3.0}, "odometry": {"median": 12.5, "p95": 20.0}},
-        }
-        (folder / "run.json").write_text(json.dumps(report))
-        frames = zip(range(101), cycle(FRAMES), strict=False)
-        (folder / "timings.csv").write_text(TIMINGS + "".join(f"{k},{k}.0,{rest}\n" for k, rest in frames))
-        (folder / "loops.csv").write_text(LOOPS)
-        for track in ("odometry", "trajectory"):
-            (folder / f"{track}_tum.txt").write_text(tum_text(stamps, line(length)))
-        if reference:
-            metrics = evaluate_poses(line(length), line(reference))
-            write_json(folder / "metrics.json", RunMetrics(metrics, metrics).as_dict())
-            (folder / "ground_truth_tum.txt").write_text(tum_text(stamps, line(reference)))
-        return folder
-
-    return write
+    """`run_folder("16", 101.0)`: the same in a folder of this name."""
+    return lambda name, *arguments, **options: _write_run(tmp_path / name, *arguments, **options)

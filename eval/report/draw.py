@@ -1,0 +1,113 @@
+"""Charts and pictures as PNG and SVG files, by matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eval.report.chart import Chart, Curve, Panel
+from slam.data.atomic import written_beside
+from slam.data.plot_style import INK, tidy
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DASHES = {"solid": "-", "dash": "--", "dot": ":"}
+SYMBOLS = {"circle": "o", "x": "x", "triangle": "^", "square": "s"}
+WIDTH, PANEL_HEIGHT = 8.0, 1.9  # inches
+COLUMNS = 4  # of a legend
+DPI = 150
+BAR_GROUP = 0.8  # of the distance between two categories
+
+
+def save(figure: Figure, folder: Path, key: str) -> None:
+    """Write a figure as KEY.png and KEY.svg; text stays text in the SVG.
+
+    Raises:
+        InputError: A file cannot be written.
+    """
+    from matplotlib import rc_context
+
+    with written_beside(folder / f"{key}.png") as temporary:
+        figure.savefig(temporary, dpi=DPI, facecolor="white")
+    figure.set_layout_engine("none")  # the layout is found, and takes longer than the drawing
+    with (
+        rc_context({"svg.fonttype": "none", "svg.hashsalt": key}),
+        written_beside(folder / f"{key}.svg") as temporary,
+    ):
+        figure.savefig(temporary, dpi=DPI, facecolor="white", metadata={"Date": None})
+
+
+def drawn(chart: Chart) -> Figure:
+    """Draw a chart by matplotlib."""
+    from matplotlib.figure import Figure
+
+    count = len(chart.panels)
+    height = WIDTH * aspect(chart) if chart.equal else PANEL_HEIGHT * max(count, 1.6)
+    figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained", facecolor="white")
+    axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    for axis, panel in zip(axes, chart.panels, strict=True):
+        _draw_panel(axis, panel, chart)
+    axes[-1].set_xlabel(chart.x_title, color=INK)
+    handles = dict(_handles(axes))
+    rows = -(-len(handles) // COLUMNS) if len(handles) > 1 else 0
+    axes[0].set_title(chart.title, loc="left", fontsize=12, fontweight="bold", color=INK, pad=6 + 16 * rows)
+    if rows:
+        place: Any = {"loc": "lower left", "bbox_to_anchor": (-0.01, 1.0), "borderaxespad": 0.2, "ncols": COLUMNS}
+        axes[0].legend(handles.values(), handles.keys(), frameon=False, fontsize=9, **place)
+    return figure
+
+
+def aspect(chart: Chart) -> float:
+    """Return height by width of a map, within limits that fit a page."""
+    curves = [curve for panel in chart.panels for curve in panel.curves]
+    x, y = (np.concatenate([getattr(curve, name) for curve in curves]) for name in "xy")
+    if not (np.isfinite(x).any() and np.isfinite(y).any()):
+        return 0.5
+    width, height = np.nanmax(x) - np.nanmin(x), np.nanmax(y) - np.nanmin(y)
+    return float(np.clip(height / max(width, 1e-6), 0.3, 0.9))
+
+
+def _draw_panel(axis: Axes, panel: Panel, chart: Chart) -> None:
+    for curve in panel.curves:
+        _draw_curve(axis, curve)
+    for k, bars in enumerate(panel.bars):
+        width = BAR_GROUP / len(panel.bars)
+        x = np.arange(len(bars.heights)) + (k - (len(panel.bars) - 1) / 2) * width
+        axis.bar(x, bars.heights, 0.9 * width, color=bars.colour, label=bars.label)
+    if panel.bars:
+        axis.set_xticks(range(len(chart.categories)), chart.categories)
+    if panel.ticks:
+        axis.set_yticks(range(len(panel.ticks)), panel.ticks)
+        axis.set_ylim(-0.5, len(panel.ticks) - 0.5)
+    if panel.from_zero:
+        axis.set_ylim(bottom=0)
+    if chart.equal:
+        axis.set_aspect("equal", adjustable="datalim")
+    axis.set_ylabel(panel.y_title, color=INK)
+    tidy(axis)
+
+
+def _draw_curve(axis: Axes, curve: Curve) -> None:
+    axis.plot(
+        curve.x,
+        curve.y,
+        label=curve.label,
+        color=curve.colour,
+        linestyle=DASHES[curve.dash] if curve.width else "",
+        linewidth=0.75 * curve.width,  # points instead of pixels
+        marker=SYMBOLS[curve.symbol] if curve.symbol else None,
+        markersize=5,
+        solid_capstyle="round",
+    )
+
+
+def _handles(axes: Any) -> Iterator[tuple[str, Any]]:
+    """The entries of the legend, each label once."""
+    for axis in axes:
+        handles, labels = axis.get_legend_handles_labels()
+        yield from zip(labels, handles, strict=True)
