@@ -34,6 +34,7 @@ def identity(
     scan; a snapshot holds the fingerprint of its last scan too.
     """
     sensor, camera = dataset.sensor, dataset.calibration
+    T = camera.T_camera0_lidar if camera else None
     first = dataset[positions[0]]
     return {
         "version": {**versions(), "files of lidarlift": _digest_of_code()},
@@ -44,6 +45,7 @@ def identity(
             "stamps": _digest(dataset.stamps, dataset.numbers),
             "sensor": None if sensor is None else _digest(sensor.elevation, sensor.azimuth, sensor.offset),
             "calibration": None if camera is None else _digest(camera.K, camera.T_camera_lidar),
+            "T_camera0_lidar": None if T is None else T.tolist(),
             "first scan": fingerprint(first.cloud),
             "odometry": None if recorded is None else _digest(recorded.poses),
         },

@@ -22,7 +22,7 @@ from slam.run import Run
 from slam.session import RESULTS, UNFINISHED
 
 Drive = Callable[..., Path]
-SAME = [*(name for name in RESULTS if not name.endswith((".png", "run.json"))), "odometry_tum.txt"]
+SAME = [*(name for name in RESULTS if not name.endswith((".png", ".html", "run.json"))), "odometry_tum.txt"]
 
 CASES: dict[str, dict[str, Any]] = {
     "ndt": {},

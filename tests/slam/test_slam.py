@@ -19,6 +19,7 @@ from slam.journal.journal import Journal
 from slam.odometry import OdometryStep
 from slam.pipeline import Slam
 from slam.recorded_odometry import RecordedSteps
+from slam.recovery import recovered
 from slam.run import Run
 
 SIDE, FRAMES = 24.0, 112  # m, side of a square block; more than one round
@@ -174,9 +175,10 @@ def test_a_run_that_is_resumed_again_and_again_has_the_same_bits(
     """Equal bits: two runs of the same code."""
     monkeypatch.setattr(journals, "SNAPSHOT_EVERY", 0.0)
     whole = journaled(frames, None)
-    Journal.begin(tmp_path / "s", {}).close()
+    about = {"settings": whole.config.model_dump(mode="json"), "input": {"T_camera0_lidar": None}}
+    Journal.begin(tmp_path / "s", about).close()
     for stop in (1, 30, 31, 95, 104):
-        begin = Journal.resume if journals.has_snapshot(tmp_path / "s") else lambda folder: Journal.begin(folder, {})
+        begin = Journal.resume if journals.has_snapshot(tmp_path / "s") else lambda folder: Journal.begin(folder, about)
         with begin(tmp_path / "s") as journal, suppress(KeyboardInterrupt):
             journaled(frames, journal, stop)
         if stop == 30:
@@ -192,6 +194,10 @@ def test_a_run_that_is_resumed_again_and_again_has_the_same_bits(
         assert resumed.map.intensity.tobytes() == whole.map.intensity.tobytes()
         assert [record.status for record in resumed.mapping.ledger] == [r.status for r in whole.mapping.ledger]
         assert resumed.problems == whole.problems
+        found = recovered(tmp_path / "s" / "session.sqlite")
+    assert len(found.map()) > 1000
+    odometry = whole.odometry_poses
+    assert off(found.poses)[-4:].max() < 0.5 * off(odometry)[-4:].min()
 
 
 def test_a_second_thread_is_refused(frames: list[Frame]) -> None:
