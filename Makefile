@@ -31,10 +31,10 @@ help: ## list the targets
 
 setup: $(RUNTIME) ## install into .venv what lidarlift runs with: Debian packages, Python packages, the command
 
-demo: $(RUNTIME) ## no data needed: simulate a drive, run it at 16 and 64 channels, compare (ARGS="--quick": a part)
+demo: $(RUNTIME) ## no data needed: simulate a sequence, run it at 16 and 64 channels, compare (ARGS="--quick": a part)
 	@$(BIN)/lidarlift demo $(ARGS)
 
-test: $(DEV) ## run the tests (ARGS="-k ndt" for some of them; real drives: see CONTRIBUTING.md)
+test: $(DEV) ## run the tests (ARGS="-k ndt" for some of them; recorded sequences: see CONTRIBUTING.md)
 	@$(PYTEST) $(ARGS)
 
 portable: $(DEV) ## run the tests with the plainest kernels of every library: none may depend on how a CPU rounds
@@ -53,11 +53,11 @@ docs: $(DOCS) ## build the documentation site into build/site; a broken link is 
 wheel: $(DEV) ## build the wheel into dist, and try it in an environment of its own
 	@$(BIN)/python .ci/wheel.py dist
 
-benchmark: $(BENCHMARKS) ## measure beside the peers: make benchmark DATASETS="DRIVE [DRIVE ...]"
-	@test -n "$(DATASETS)" || { echo 'Which drives? make benchmark DATASETS="path/to/drive ..."' >&2; exit 2; }
+benchmark: $(BENCHMARKS) ## measure in comparison with the peers: make benchmark DATASETS="SEQUENCE [SEQUENCE ...]"
+	@test -n "$(DATASETS)" || { echo 'Which sequences? make benchmark DATASETS="path/to/sequence ..."' >&2; exit 2; }
 	@$(BIN)/python -m benchmarks.odometry.frame_rate $(DATASETS)
 
-peers: $(BENCHMARKS) $(OWN) ## install what we are measured beside: into .venv, or .peers where versions clash
+peers: $(BENCHMARKS) $(OWN) ## install the systems that we compare with: into .venv, or .peers if their versions conflict
 
 clean: ## remove .venv, .peers and what builds and tools left
 	rm -rf $(VENV) .peers build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -1,4 +1,4 @@
-"""Build the wheel and try it as a user gets it: beside what it asks for, and nothing else.
+"""Build the wheel and test it as a user gets it: with its dependencies, and nothing else.
 
 Example: .venv/bin/python .ci/wheel.py dist
 
@@ -59,7 +59,7 @@ def main(out: Path) -> None:
 
 
 def check_contents(wheel: Path) -> None:
-    """What git tracks is in it, and nothing else."""
+    """Check that the wheel contains the files that git tracks, and no others."""
     tracked = subprocess.check_output(["git", "ls-files", *FOLDERS], cwd=REPOSITORY, text=True).splitlines()
     expected = {
         file.replace("configs/", "slam/presets/", 1) if file.startswith("configs/") else file for file in tracked
@@ -82,7 +82,7 @@ def environment(folder: Path, wheel: Path) -> Path:
 
 
 def required(distribution: metadata.Distribution, extras: set[str], seen: set[str]) -> Iterator[metadata.Distribution]:
-    """What it asks for with these extras, and what that asks for in turn."""
+    """Return the requirements of a package with these extras, and their requirements in turn."""
     for requirement in map(Requirement, distribution.requires or ()):
         marker, wanted = requirement.marker, {"", *extras}
         if (marker and not any(marker.evaluate({"extra": extra}) for extra in wanted)) or str(requirement) in seen:

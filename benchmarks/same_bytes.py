@@ -5,7 +5,7 @@ needs the standard library alone. Every drive is run with 16 channels, enriched 
 `--simulate N` adds the town's loop: both versions simulate N frames of it, these folders are compared too, and both
 run over the one of BEFORE. Writes benchmarks/results/same_bytes.md and .json; the exit code is 1 on any difference.
 
-    python -m benchmarks.same_bytes old/.venv/bin/lidarlift .venv/bin/lidarlift --drive kitti/sequences/04
+    python -m benchmarks.same_bytes old/.venv/bin/lidarlift .venv/bin/lidarlift --sequence kitti/sequences/04
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ Digests = dict[str, str]
 
 @dataclass(frozen=True)
 class Comparison:
-    """What both versions wrote for one drive and input; `input` is None for the simulated drive itself."""
+    """Files that both versions wrote for a sequence and input; `input` is None for the simulated sequence itself."""
 
     drive: str
     input: str | None
@@ -56,7 +56,7 @@ class Comparison:
         return bool(self.before) and self.before == self.after
 
     def verdict(self, file: str) -> str:
-        """Of one file: same, differs, only before, only after, or a dash where neither version wrote it."""
+        """Result for a file: same, differs, only before, only after, or a dash if neither version wrote it."""
         before, after = self.before.get(file), self.after.get(file)
         if before == after:
             return "-" if before is None else "same"
@@ -66,7 +66,7 @@ class Comparison:
 def main() -> int:
     options = _parser().parse_args()
     if not options.drive and not options.simulate:
-        sys.exit("error: nothing to run; add --drive PATH or --simulate N")
+        sys.exit("error: nothing to run; add --sequence PATH or --simulate N")
     commands = (_executable(options.before), _executable(options.after))
     with tempfile.TemporaryDirectory() as work:
         found = compared(commands, options, Path(work))
@@ -100,7 +100,7 @@ def compared(commands: tuple[Path, Path], options: argparse.Namespace, work: Pat
 
 
 def digests(folder: Path, wanted: Callable[[str], bool]) -> Digests:
-    """Of the files in `folder` and below whose path in it is `wanted`."""
+    """Digests of the files in `folder` and below whose path is `wanted`."""
     files = {str(path.relative_to(folder)): path for path in sorted(folder.rglob("*")) if path.is_file()}
     return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items() if wanted(name)}
 
@@ -113,8 +113,8 @@ def version(command: Path) -> str:
 
 
 def report(found: list[Comparison], versions: list[str], frames: str) -> str:
-    """The Markdown page: a line for each drive and input, a column for each file."""
-    header = ("drive", "input", *FILES)
+    """The Markdown page: a line for each sequence and input, a column for each file."""
+    header = ("sequence", "input", *FILES)
     rows = [
         (comparison.drive, comparison.input, *(comparison.verdict(file) for file in FILES))
         for comparison in found
@@ -165,10 +165,19 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("before", type=Path, help="the command lidarlift of the older version")
-    parser.add_argument("after", type=Path, help="that of the newer one")
-    parser.add_argument("--drive", type=Path, action="append", default=[], metavar="PATH", help="may be repeated")
-    parser.add_argument("--simulate", type=int, metavar="N", help="also the town's loop, so many frames")
-    parser.add_argument("--frames", default=":", metavar="A:B", help="only these frames of every drive")
+    parser.add_argument("after", type=Path, help="the command of the newer version")
+    parser.add_argument(
+        "--sequence",
+        "--drive",
+        dest="drive",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="may be repeated",
+    )
+    parser.add_argument("--simulate", type=int, metavar="N", help="also N frames of the town's loop")
+    parser.add_argument("--frames", default=":", metavar="A:B", help="only these frames of every sequence")
     parser.add_argument("--results", type=Path, default=RESULTS, metavar="FOLDER", help="where to write")
     return parser
 

@@ -36,7 +36,7 @@ def compare_trajectories(
     Args:
         trajectories: Each a run folder, a trajectory file in KITTI, TUM or EuRoC format, or RECORDING:TOPIC; LABEL=PATH
             names its row.
-        out: Folder for compare.json and compare.md. Default: nothing is written.
+        out: Folder for compare.json, compare.md and report.html. Default: nothing is written.
         reference: A trajectory, or a data set with ground truth. Default: the ground truth in the run folders; without
             any, the trajectories are compared with each other only.
         sequence: Name of the sequence, if the reference is a data set that has several.
@@ -60,10 +60,13 @@ def compared(
     sequence: str | None,
     truth_topic: str | None,
     calib: str | Path | None,
+    command: str | None = None,
 ) -> tuple[Comparison, str]:
-    """Compare as `compare_trajectories`, and return the title as well."""
+    """Compare as `compare_trajectories`, and return the title as well; `command` is printed in the report."""
     from eval.compare import compare_rows
     from eval.evaluation import write_json
+    from eval.report.content import Report
+    from eval.report.writing import write_report
     from eval.sources import labelled, read_source, source_of
     from eval.tables import comparison_markdown
 
@@ -83,6 +86,8 @@ def compared(
     if folder is not None:
         write_json(folder / "compare.json", comparison.as_dict())
         write_text(folder / "compare.md", comparison_markdown(comparison, title))
+        track, name = (truth.row.track, truth.row.label) if truth else (None, "")
+        write_report(folder, Report(title, rows, track, name, command))
     return comparison, title
 
 

@@ -20,6 +20,28 @@ MAX_SCANS = 12  # that are read, evenly spaced
 MAX_SPARSE_RINGS, DENSE_RINGS = 32, 64  # enrichment is useful; 16 rings can be selected, enriched and compared
 MAX_DIFFERENCE = 0.6  # deg, median over the rings of the difference between a ring's elevation and a sensor's line
 GAP = 1.5  # times the usual step between stamps
+PAUSE = 3.0  # times the usual step between messages, which networks deliver less evenly
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """A topic of a recording.
+
+    Attributes:
+        name: Name of the topic.
+        type: Type of its messages, as ROS 2 writes it.
+        messages: Number of messages.
+        rate_hz: Messages per second.
+        longest_gap_s: Longest time [s] between successive messages that is much longer than usual; 0 without one.
+        use: How a run uses it; '' if it does not.
+    """
+
+    name: str
+    type: str
+    messages: int
+    rate_hz: float
+    longest_gap_s: float
+    use: str
 
 
 @dataclass(frozen=True)
@@ -55,6 +77,8 @@ class Info:
         truth_m: Travelled distance [m] of the ground truth, without gaps.
         problems: Problems that a run would report: each kind with its count and first message.
         commands: Commands to run SLAM on the data set.
+        topics: Topics of a recording; empty for other data sets.
+        cameras: Number of calibrated cameras.
     """
 
     name: str
@@ -85,6 +109,8 @@ class Info:
     truth_m: float
     problems: tuple[tuple[str, int, str], ...]
     commands: tuple[str, ...]
+    topics: tuple[TopicInfo, ...] = ()
+    cameras: int = 0
 
 
 def info(
@@ -151,6 +177,8 @@ def info(
         calibrated=data.calibration is not None,
         truth=truth,
         truth_m=truth_m,
+        topics=_topics(data),
+        cameras=max((scan.cameras for scan in inspected), default=0),
         problems=_kinds([*data.problems, *(problem for scan in inspected for problem in scan.problems)]),
         commands=_commands(path, {"sequence": sequence, "sensor": sensor or looks_like, **options}, rings),
     )
@@ -168,6 +196,7 @@ class _ScanInfo:
         ring_field: Whether one of them is the ring.
         elevations: Median elevation [deg] of each ring, top first.
         image_size: Width and height of the image, None without one.
+        cameras: Number of calibrated cameras.
         problems: Problems of the scan.
     """
 
@@ -178,6 +207,7 @@ class _ScanInfo:
     ring_field: bool
     elevations: Array
     image_size: tuple[int, int] | None
+    cameras: int
     problems: tuple[Problem, ...]
 
 
@@ -197,6 +227,7 @@ def _inspect_scan(data: Dataset, position: int) -> _ScanInfo:
         ring_field=raw is not None and raw.ring is not None,
         elevations=_elevations(cloud),
         image_size=None if image is None else (image.shape[1], image.shape[0]),
+        cameras=len(frame.views),
         problems=(*frame.problems, *found_in_reading(frame)),
     )
 
@@ -262,6 +293,27 @@ def _truth(poses: Array | None) -> tuple[int, float]:
         return 0, 0.0
     steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
     return int(np.isfinite(poses[:, 0, 0]).sum()), float(np.nansum(steps))
+
+
+def _topics(data: Dataset) -> tuple[TopicInfo, ...]:
+    """The topics of a recording, and how a run uses each."""
+    recording = getattr(data, "recording", None)
+    if recording is None:
+        return ()
+    from slam.data.recordings.recording import USES
+
+    uses = {topic: use.partition(" ")[0] for use, topic in getattr(data, "topics", {}).items()}
+    return tuple(
+        TopicInfo(
+            name,
+            topic.type,
+            topic.count,
+            topic.rate,
+            topic.longest_step if topic.longest_step * topic.rate > PAUSE else 0.0,
+            uses.get(name) or USES.get(topic.type, ""),
+        )
+        for name, topic in recording.topics.items()
+    )
 
 
 def _kinds(problems: Sequence[Problem]) -> tuple[tuple[str, int, str], ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.dataset import Dataset, chosen_positions
 from slam.data.errors import InputError
-from slam.data.images import ImageFile
+from slam.data.images import ReportingReader
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
 from slam.data.stamps import stamp_problems, usual_step
@@ -90,7 +90,7 @@ class Slam:
         )
         self._mapper, self._journal = Mapper(config, journal), journal
         self._waiting: list[tuple[int, Frame, PointCloud]] = []  # with provisional poses; their positions
-        self._images: list[ImageFile] = []  # without a problem so far; reading them may find damage
+        self._images: list[ReportingReader] = []  # without a problem so far; reading them may find damage
         self._late_problems: list[Problem] = []  # of images that were read for keyframes before the run was resumed
         self._centres: list[Array] = []
         self._sweep_duration, self._strict = sweep_duration, strict
@@ -138,7 +138,7 @@ class Slam:
         problems = (*frame.problems, *stamp_problems(frame, before, self._sweep_duration))
         _raise_if_strict(problems, self._strict)
         self.result.problems.extend(problems)
-        images = [reader for reader in frame.image_readers if isinstance(reader, ImageFile)]
+        images = [reader for reader in frame.image_readers if isinstance(reader, ReportingReader)]
         unread = [image for image in images if image.problem is None]  # others are already problems of the frame
         self._centres.append(centre(frame.cloud.xyz))
         tracked = self._tracker(frame)
@@ -232,7 +232,7 @@ class Slam:
                 self.result.problems.extend(world_frame_problem(np.array(self._centres), self.result.odometry_poses))
             return self.result
 
-    def _add_image_problems(self, images: Sequence[ImageFile]) -> None:
+    def _add_image_problems(self, images: Sequence[ReportingReader]) -> None:
         """Add the problems found while reading images to the run, each once."""
         problems = [image.problem for image in images if image.problem]
         if problems:

@@ -165,7 +165,7 @@ class Run:
         return self.timed > 0
 
     def times(self) -> str:
-        """What the points' times were taken for, in one line."""
+        """Describe the interpretation of the points' times in one line."""
         frames = len(self.records)
         if self.config.front_end.deskew is False:
             return "point times: not used (front_end.deskew is false)"

@@ -143,7 +143,7 @@ def save_odometry(run: Run, folder: str | Path) -> None:
 def save_stopped(run: Run, folder: str | Path) -> Path | None:
     """Write the odometry of a stopped run, as `save_odometry` does, so that its poses are not lost.
 
-    If the folder has a finished run, that run is kept, and FOLDER-stopped is written beside it.
+    If the folder has a finished run, that run is kept, and FOLDER-stopped is written next to it.
 
     Returns:
         The folder; None if there are no frames, or the folder cannot be written.

@@ -1,4 +1,4 @@
-"""What tests share: real data, unpacked once, a short drive down a street of planes, and the command lidarlift."""
+"""Shared fixtures: recorded data, unpacked once; a short sequence along a street of planes; the command lidarlift."""
 
 from __future__ import annotations
 

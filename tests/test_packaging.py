@@ -1,4 +1,4 @@
-"""What pyproject.toml says of the packages, against the tree."""
+"""Packages and files in pyproject.toml agree with the tree."""
 
 from __future__ import annotations
 

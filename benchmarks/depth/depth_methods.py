@@ -60,7 +60,7 @@ def targets(reports: Mapping[str, Any]) -> Iterable[tuple[str, ...]]:
             )
             share = 100 * plain["calibration"]
             verdict = "met" if 60 <= share <= 76 else "missed"
-            yield drive, "ray-segment all around, errors within sigma [%]", number(share, 1), "60 to 76", verdict
+            yield drive, "ray-segment, all azimuths, errors within sigma [%]", number(share, 1), "60 to 76", verdict
 
 
 def _target(drive: str, name: str, value: float, limit: float) -> tuple[str, ...]:
@@ -74,10 +74,10 @@ def networks(reports: Mapping[str, Any]) -> str:
         return ""
     sizes = {name: report[name]["parameters"] for report in reports.values() for name in ran if name in report}
     lines = [(name, f"{sizes[name]:,}", *(str(PAPER[name][key]) for key in ("rmse_mm", "mae_mm"))) for name in ran]
-    return f"""The paper's networks, l2l, li2l and f2l, were trained at half the resolution, in at most 3 hours each
-on one core of a CPU. 04 and 0005 are in no training; 0013 is, so that their rows there are no test. Their depths are
-put right by the returns above and below each ray. For all returns they take ray-segment's ranges outside of the image.
-The paper's own Table II, on other frames and after training on 1730:
+    return f"""The paper's networks, l2l, li2l and f2l, were trained at half the resolution, in at most 3 hours each on
+one CPU core. 04 and 0005 are in no training set; 0013 is, so that the rows of these networks there are no test. Their
+depths are corrected by the returns above and below each ray. Outside of the image they use ray-segment's ranges.
+The paper's Table II, on other frames and after training on 1730:
 
 {table(("network", "parameters here", "RMSE mm", "MAE mm"), lines)}
 """
@@ -91,17 +91,19 @@ def page(found: Mapping[str, Any]) -> str:
 {about["date"]}, {about["cpu"]}, one core.
 `{about["command"]}`
 
-* Every 4th ring from ring 0 is what a method sees; the returns of the other 48 are the answers, asked for on the
-  calibrated line of their ring at the centre of their azimuth column, never in their own direction.
-* Camera field of view: returns that the camera sees. All returns: all of them. Figures are over the returns that a
-  method predicts (coverage); those that complete depth images predict nothing outside of the image.
-* AUSE, "best 80 %" and "in sigma": does sigma tell the good from the bad, and is it true (68 %)? Sigma is scaled by
-  rings held out of the sixteen themselves, as while driving.
-* nearest, ip-basic, delaunay, mrf: depth images completed without training. ray-segment: the rays meet the straight
-  lines between returns above and below. joint: ray-segment, guided by the image where it is unsure. lift, which has
-  learned from two of these drives, has a [page of its own](lift_depth.md).
-* The scans of 04 are motion-compensated: points have left their lasers' lines. The raw drives are the clean test.
-* ms: median of a frame.
+* The input is every 4th ring, from ring 0. The returns of the other 48 rings are the reference. A prediction is made on
+  the calibrated line of the ring at the centre of the azimuth column, never in the direction of the return.
+* Camera field of view: returns that the camera sees. All returns: 360 deg. Figures are over the returns that a method
+  predicts (coverage); methods that complete depth images predict nothing outside of the image.
+* AUSE and "80 %": how well sigma ranks the errors; "80 %" is 80 % coverage, the 80 % of predictions with the lowest
+  sigma. "In sigma": the share of errors below sigma, 68 % if sigma is right. Sigma is calibrated on held-out rings of
+  the sixteen, as in a run.
+* nearest, ip-basic, delaunay, mrf: depth images completed without training. ray-segment: intersection of the ray with
+  the straight segment between the returns above and below. joint: ray-segment, guided by the image where it is
+  uncertain. lift, which was trained on two of these sequences, has a [page of its own](lift_depth.md).
+* The scans of 04 are motion-compensated, so that their points are off the lasers' lines. The raw sequences are the
+  clean test.
+* ms: median time per frame.
 
 {table(("target", "", "figure", "limit", "verdict"), targets(reports), words=2)}
 {networks(reports)}{tables}"""

@@ -57,16 +57,17 @@ def page(found: Mapping[str, Any]) -> str:
     tables = "\n".join(
         f"## {lidar}, {report['about']['title']}\n\n{of_views(report)}" for lidar, report in found["lidars"].items()
     )
-    return f"""# Lift adapted to a LiDAR and a place of its own
+    return f"""# Lift adapted to another LiDAR and place
 
 {about["date"]}, {about["cpu"]}.
 `{about["command"]}`
 
-* The shipped weights know a LiDAR of 64 lines in streets, most often every 4th of these. Here they learn
-  {found["steps"]} steps from {FRAMES} scans of a simulated tunnel, self-supervised: up to a third of the LiDAR's own
-  16 rings (of 64, every 4th are taken to be its own) are answers, the others the input.
-* Judged on another tunnel, by rings held out there: every 2nd of 16, or three of four of 64.
-* What is learned has gaps between its rings like those that vlp16 is judged on, and twice as wide as those of hdl64.
+* The shipped weights were trained on a LiDAR of 64 lines in streets, mostly with every 4th line as input. Here they are
+  fine-tuned for {found["steps"]} steps on {FRAMES} scans of a simulated tunnel, self-supervised: up to a third of the
+  LiDAR's own 16 rings (of 64 rings, every 4th) are held out as targets, the others are the input.
+* Evaluated in another tunnel, on held-out rings: every 2nd of 16, or three of four of 64.
+* The gaps between the rings in training are as wide as those of the evaluation on vlp16, and twice as wide as those on
+  hdl64.
 
 {tables}"""
 

@@ -61,7 +61,7 @@ def main() -> None:
 def _options() -> argparse.Namespace:
     arguments = parser(__doc__)
     arguments.add_argument("datasets", nargs="+", type=Path, metavar="DATASET")
-    arguments.add_argument("--held-out", action="append", type=held_out, default=[], metavar="DRIVE=FOLDER")
+    arguments.add_argument("--held-out", action="append", type=held_out, default=[], metavar="SEQUENCE=FOLDER")
     for name in ("--image", "--blind"):
         arguments.add_argument(name, nargs="+", type=Path, required=True, metavar="FOLDER")
     arguments.add_argument("--step", type=int, default=1, metavar="N", help="every Nth frame of the drives")

@@ -1,4 +1,4 @@
-"""The table of methods that all pages of depth have."""
+"""The table of methods, which all pages about depth contain."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from eval.text import number
 
 HEADER = (
     "method", "MAE mm", "RMSE mm", "median mm", "> 0.3 m %", "> 1 m %", "coverage %", "AUSE mm", "in sigma %",
-    "MAE best 80 %", "RMSE best 80 %", "> 1 m best 80 %", "ms",
+    "MAE 80 %", "RMSE 80 %", "> 1 m 80 %", "ms",
 )  # fmt: skip
 
 
 def of_views(report: Mapping[str, Any]) -> str:
-    """A table for each view that depth.json of a drive has figures of: in the image, and all around."""
+    """A table for each view that depth.json of a sequence has: the camera's field of view, and all azimuths."""
     tables = ((title, _rows(report, view)) for view, title in VIEWS.items())
     return "\n".join(f"{title}:\n\n{table(HEADER, rows)}" for title, rows in tables if rows)
 

@@ -26,7 +26,7 @@ ENRICHERS = ("ray-segment", "joint", "l2l", "li2l", "f2l")
 #: The paper's own Table III, in metres.
 PAPER = {"16 channels": (0.784, 0.247, 0.025, 0.295, 0.161), "proposed": (1.200, 0.250, 0.024, 0.371, 0.274)}
 PAPER_ORDER = ("max", "mean", "min", "rmse", "std")
-HEADER = ("drive", "input", *(f"{name} m" for name in PAPER_ORDER), "ATE cm", "to 64 cm", "front end ms")
+HEADER = ("sequence", "input", *(f"{name} m" for name in PAPER_ORDER), "ATE cm", "to 64 cm", "front end ms")
 
 
 def main() -> None:
@@ -79,10 +79,10 @@ def page(found: Mapping[str, Any]) -> str:
 `{about["command"]}`
 
 * RPE of the translation over consecutive frames after SE(3) Umeyama alignment, the definition of the paper's table
-  (there over 30 pairs). It hardly sees drift, and at these values mostly the noise of the ground truth: ATE, and the
-  distance to the trajectory of our odometry on 64 channels, stand beside it.
-* l2l, li2l, f2l: sixteen rings with the network's depth on virtual rays in the image, ray-segment's beside it. They
-  were trained on neither drive. The ground truth of 0005 is itself off by most of a metre.
+  (there over 30 pairs). It is hardly sensitive to drift, and at these values mostly measures the noise of the ground
+  truth. Therefore the table also has ATE and the distance to the trajectory of our odometry on 64 channels.
+* l2l, li2l, f2l: sixteen rings, with the network's depth on virtual rays in the camera's field of view and
+  ray-segment's elsewhere. They were trained on neither sequence. The ground truth of 0005 errs by nearly a metre.
 
 {table(HEADER, lines, words=2)}"""
 

@@ -1,12 +1,12 @@
-"""Every parser of a user's files held against files that nobody meant to write, by coverage-guided mutation (atheris).
+"""Fuzzing of all parsers of users' files by coverage-guided mutation (atheris).
 
     python -m benchmarks.inputs.fuzz pcd ply npy bin las laz yaml --minutes 20 --executions 1000000
 
 Needs atheris 3 (pip install atheris), which is not among lidarlift's dependencies: it has wheels for Linux only. A
-parser is run on mutations of a few sound files until so many executions or minutes are over. It fails by any exception
-but InputError, by a file that takes more than five seconds, and by memory: every 50th file is measured, and 2 MiB and
-twice its size are allowed; for compressed ones, twice what LZF or LASzip can make of it, for YAML what its parser
-takes. What failed is written to --found, to become a case of tests/inputs.
+parser is run on mutations of a few valid files until the number of executions or of minutes is reached. Failures are
+any exception but InputError, a file that takes more than five seconds, and memory: every 50th file is measured, and
+2 MiB plus twice its size are allowed; for compressed files, twice the size that LZF or LASzip can unpack; for YAML, the
+memory of its parser. Files that fail are written to --found, to become cases of tests/inputs.
 Writes fuzz.md and .json in benchmarks/results.
 """
 
@@ -77,7 +77,7 @@ def _fuzz(name: str, minutes: float, executions: int, found: Path) -> None:
 
     with atheris.instrument_imports(include=["slam.data", "yaml"]):
         read = _reader(name)
-    warnings.simplefilter("error", RuntimeWarning)  # numpy's way of saying that a number is none
+    warnings.simplefilter("error", RuntimeWarning)  # numpy warns so about invalid numbers
     found.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         for number, content in enumerate(_sound_files(name)):
@@ -211,16 +211,16 @@ def page(found: Mapping[str, Any]) -> str:
         )
         for name, figures in found["parsers"].items()
     ]
-    return f"""# Files that nobody meant to write
+    return f"""# Fuzzing of parsers
 
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores; {versions}.
 `{about["command"]}`
 
-* Coverage-guided mutations of a few sound files of each kind, by libFuzzer through atheris. A failure is any exception
-  but InputError, a file of up to 64 KiB that takes more than {SECONDS} s, or more memory than 2 MiB and twice the
-  file's size (twice what can be unpacked of it, where it is compressed; 1000 times, which is what PyYAML takes, for
-  YAML, of which 64 KiB are read at most; measured every {MEASURED}th time).
-* Edges and features are libFuzzer's counts of what was reached in `slam.data`, and in PyYAML for YAML.
+* Coverage-guided mutations of a few valid files of each kind, by libFuzzer through atheris. A failure is any exception
+  but InputError, a file of up to 64 KiB that takes more than {SECONDS} s, or more memory than 2 MiB plus twice the
+  file's size (for compressed files, twice the unpacked size; for YAML, of which at most 64 KiB are read, 1000 times the
+  size, which PyYAML needs; measured every {MEASURED}th time).
+* Edges and features are libFuzzer's counts of the code reached in `slam.data`, and in PyYAML for YAML.
 
 {table(("parser", "executions", "minutes", "edges", "features", "failures"), rows)}"""
 

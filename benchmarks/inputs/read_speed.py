@@ -1,10 +1,10 @@
-"""How long reading a scan takes, beside Open3D's reader.
+"""Time of reading a scan, compared with Open3D's reader.
 
     python -m benchmarks.inputs.read_speed --points 120000
 
-A scan of so many random points with intensity, ring and time is written in each format. Ours reads it as `run` does,
-into a PointCloud with rings and times; Open3D's reads it into its tensors, and these into NumPy's arrays. The two take
-turns, on one core, with the file in the system's cache. Writes read_speed.md and .json in benchmarks/results.
+A scan of random points with intensity, ring and time is written in each format. Ours reads it as `run` does, into a
+PointCloud with rings and times; Open3D's reads it into its tensors, and these into NumPy's arrays. The two alternate,
+on one core, with the file in the system's cache. Writes read_speed.md and .json in benchmarks/results.
 """
 
 from __future__ import annotations
@@ -132,11 +132,12 @@ def page(found: Mapping[str, Any]) -> str:
 `{about["command"]}`
 
 * {about["points"]:,} points with x, y, z, intensity, ring and time. Ours: `open_dataset(folder)[0].cloud`, with rings
-  and times as `run` has them. Open3D: `t.io.read_point_cloud` and its tensors as NumPy's arrays; of the PLY it drops
-  the ring, a ushort; it has no reader for .npy and .bin. The two take turns, {ROUNDS} times.
-* Importing what reads takes {about["import_s"]["ours"]:.2f} s, numpy apart; open3d {about["import_s"]["open3d"]:.2f} s.
+  and times as `run` has them. Open3D: `t.io.read_point_cloud` and its tensors as NumPy's arrays; it drops the ring of
+  the PLY, a ushort, and has no reader for .npy and .bin. The two alternate, {ROUNDS} times.
+* Import of the reader, without numpy: {about["import_s"]["ours"]:.2f} s; of open3d: {about["import_s"]["open3d"]:.2f}
+  s.
 
-{table(("format", "ours, ms", "least", "Open3D, ms", "least", "times as fast"), rows)}
+{table(("format", "ours, ms", "minimum", "Open3D, ms", "minimum", "times as fast"), rows)}
 {table(("target", "found", "aim", ""), [aim], words=1)}"""
 
 

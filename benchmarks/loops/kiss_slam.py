@@ -35,8 +35,8 @@ from slam.front_end import RingFrontEnd
 from slam.pipeline import Pipeline
 
 HEADER = (
-    "drive", "channels", "frames", "system", "odometry m", "after loops m", "times less", "loops", "wrong", "seconds",
-    "x lidarlift",
+    "sequence", "channels", "frames", "system", "odometry m", "after loops m", "times less", "loops", "wrong",
+    "seconds", "x lidarlift",
 )  # fmt: skip
 
 PYTHON = Path(__file__).parents[2] / ".peers" / "kiss-slam" / "bin" / "python"  # of `make peers`
@@ -173,18 +173,18 @@ def page(found: Mapping[str, Any]) -> str:
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores.
 `{about["command"]}`
 
-* The simulated drives of [Loops](simulated_loops.md), {SPACING} m between frames, exact truth, each system with its own
-  odometry: no drift is added here. Both get the same scans: 64 channels, or 16 by every 4th ring.
+* The simulated sequences of [Loops](simulated_loops.md), {SPACING} m between frames, with exact ground truth; each
+  system has its own odometry, and no drift is added. Both get the same scans: 64 channels, or 16, every 4th ring.
 * KISS-SLAM has its defaults: range 0 to 100 m, voxels of 1 m, local maps of 100 m, loops by MapClosures. lidarlift has
   its own: range 2.5 to 80 m. The scans are motion-compensated and their points have no times, so that neither system
-  deskews; the sensor's vertical correction is 0, for both.
-* ATE: rmse after SE(3) alignment, of all frames, by the odometry and after loops. KISS-SLAM's odometry is its local
-  trajectories joined end to end.
-* Loops: KISS-SLAM looks for one a local map, lidarlift for one a keyframe: the numbers are not comparable. Wrong: those
-  that are off by more than {WRONG:g} m.
-* Seconds: a whole run, reading of scans included; ours builds the map as well. The systems take turns on the same
-  machine, one run each, as many threads as they like; it is shared with other programs, so only ratios count, and they
-  roughly: "x lidarlift" is the time by lidarlift's.{note}
+  deskews; the vertical correction of the sensor is 0 for both.
+* ATE: rmse after SE(3) alignment, over all frames, of the odometry and after loop closure. KISS-SLAM's odometry is the
+  chain of its local trajectories.
+* Loops: KISS-SLAM searches one per local map, lidarlift one per keyframe, so that the numbers are not comparable.
+  Wrong: loops with an error above {WRONG:g} m.
+* Seconds: a whole run, including the reading of scans; lidarlift also builds the map. The systems alternate on the same
+  machine, one run each, with as many threads as they choose; the machine is shared with other programs, so that only
+  ratios count, and these roughly: "x lidarlift" is the time relative to lidarlift's.{note}
 
 {table(HEADER, lines, words=2)}"""
 

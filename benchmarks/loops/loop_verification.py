@@ -180,13 +180,14 @@ def page(found: Mapping[str, Any]) -> str:
     about, results = found["about"], without_about(found)
     parts = [
         "# Loop verification\n",
-        f"Candidates verified one by one. {about['cpu']}, one core, load average {about['load_average']}, "
-        f"{about['date']}: `{about['command']}`. Revisits start from the truth as a descriptor tells it: level, up to "
-        "4 m away, the yaw wrong by 3 deg of rounding and 3 deg (1 sigma) of noise. Alike, elsewhere: the scan "
-        f"context's most confident errors, over {ELSEWHERE:.0f} m away. Accepted, and in brackets those more than "
-        f"{WRONG:.0f} m from the reference, with all four thresholds made stricter (above 1) or looser by a factor; "
-        "1 is the default, and how far one can go below it without a wrong loop is its margin. Candidates further on "
-        "the street that are accepted within that distance were put right by the registration.\n",
+        f"Candidates are verified one by one. {about['cpu']}, one core, load average {about['load_average']}, "
+        f"{about['date']}: `{about['command']}`. For revisits, the initial guess is the true pose as a descriptor "
+        "gives it: level, up to 4 m away, with a yaw error of 3 deg by rounding and 3 deg (1 sigma) of noise. Alike, "
+        f"elsewhere: the most confident errors of scan context, more than {ELSEWHERE:.0f} m away. Figures: the number "
+        f"of accepted candidates, and in brackets of those more than {WRONG:.0f} m from the reference, with all four "
+        "thresholds made stricter (above 1) or looser by a factor. The default is 1; the smallest factor without a "
+        "wrong loop shows its margin. Candidates farther along the street that are accepted within that distance were "
+        "corrected by the registration.\n",
     ]
     rows = []
     for dataset, variants in results.items():
@@ -195,7 +196,7 @@ def page(found: Mapping[str, Any]) -> str:
                 if isinstance(figures, dict):
                     cells = [f"{one['accepted']} ({one['wrong']})" for one in figures["by_factor"].values()]
                     rows.append([dataset, clouds, kind, str(figures["count"]), *cells, f"{kinds['median_ms']:.0f}"])
-    header = ["drive", "clouds", "candidates", "count", *(f"x {factor}" for factor in FACTORS), "median ms"]
+    header = ["sequence", "clouds", "candidates", "count", *(f"x {factor}" for factor in FACTORS), "median ms"]
     return "\n".join([*parts, table(header, rows, words=3)])
 
 

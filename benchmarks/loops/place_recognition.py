@@ -87,8 +87,8 @@ def page(found: Mapping[str, Any]) -> str:
         "recalls accept "
         "first candidates below a threshold on the distance, asked of all keyframes, and take the largest threshold at "
         f"which all of them are right (P100), none is more than {FAR:.0f} m away (without far), 95 % are right (P95). "
-        "The clouds carry no rings: every fourth band of 0.43 deg of elevation stands in for 16 channels. Submaps are "
-        "built from the odometry; times are medians of the last 200 keyframes. "
+        "The clouds have no rings: every fourth band of 0.43 deg of elevation represents 16 channels. Submaps are "
+        "built from the odometry; times are medians over the last 200 keyframes. "
         "Curves: [the picture](place_recognition.png).\n",
     ]
     header = (
@@ -113,9 +113,9 @@ def page(found: Mapping[str, Any]) -> str:
         for count, of in about["cost"].items()
     ]  # fmt: skip
     parts.append(
-        "\nWith so many places, each half of one cloud and half of another, turned at random. Recall: of 200 of them, "
-        "seen again with half of their points from up to 2 m beside, those that come first; by the exhaustive search "
-        "beside it.\n"
+        "\nCost over the number of places. Each place is half of one cloud and half of another, with a random yaw. "
+        "Recall: share of 200 places, seen again with half of their points from up to 2 m to the side, that are the "
+        "first candidate; `exhaustive`: the same without preselection.\n"
     )
     parts.append(table(("places", "ms query", "ms add", "recall", "exhaustive"), rows))
     return "\n".join(parts)

@@ -40,7 +40,7 @@ from slam.run import Run
 
 EVERY_CLOUD = ["keyframes.distance=0.005"]  # m: less than any two of the clouds are apart
 HEADER = (
-    "drive", "run", "keyframes", "are revisits", "found", "recall", "of all clouds", "found", "recall",
+    "sequence", "run", "keyframes", "are revisits", "found", "recall", "of all clouds", "found", "recall",
     "descriptors alone", "loops", "wrong", "worst m", "ATE before m", "after m", "seconds",
 )  # fmt: skip
 
@@ -171,7 +171,7 @@ def targets(results: dict[str, dict[str, dict[str, Any]]]) -> list[tuple[str, ..
             (NCLT.name, f"recall, {name}", figures["found"] / figures["revisits"], "≥", 0.7)
             for name, figures in nclt.items()
         ),
-        (NCLT.name, "ATE before by after loops, drift added", drift["ate_before"] / drift["ate_after"], "≥", 5.0),
+        (NCLT.name, "ATE before / after loops, drift added", drift["ate_before"] / drift["ate_after"], "≥", 5.0),
         (NCLT.name, "the same between passes: revisits from earlier places", passes, "≥", 5.0),
         ("both", "worst loop of all runs [m]", worst, "≤", WRONG),
     ]
@@ -186,43 +186,44 @@ def page(found: Mapping[str, Any]) -> str:
     rows = [row(drive, name, figures) for drive, runs in results.items() for name, figures in runs.items()]
     drift = results[NCLT.name]["drift added"]
     ideal, apart, closer = (number(drift[key], 2) for key in ("ate_true_loops", "passes_before", "passes_after"))
-    return f"""# Loops on real clouds
+    return f"""# Loops on recorded clouds
 
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores.
 `{about["command"]}`
 
 * KITTI odometry 00, clouds 1.9 m apart (thinned to 6,400 points) with the poses of KISS-ICP's published run; NCLT
-  2013-01-10, clouds 1 m apart (3,300 points) with a LiDAR-inertial odometry's poses. Everything behind the odometry is
-  the pipeline's own. All revisits of 00 go in the same direction, all of NCLT in the reverse one.
-* Revisits: clouds that, by the reference, come within {KITTI.near:g} m of one more than {KITTI.ago:g} m of way before
-  (00), or within {NCLT.near:g} m of one more than {NCLT.ago:g} clouds before (NCLT). The pipeline begins a keyframe
-  every 2 m and gathers the clouds in between into it. "Are revisits": keyframes whose own cloud is one; found are those
-  with an accepted loop. "Of all clouds": all revisits; found are those whose keyframe, the one that they were gathered
-  into, has an accepted loop. Where every cloud is a keyframe the two are the same.
-* Wrong: loops more than {WRONG:g} m from the reference, which is up to 1 m off itself between the passes of 00; worst:
-  the loop that is furthest from it. ATE: rmse after SE(3) alignment, of all clouds, before and after loops.
-* Half of the points: drawn for each cloud, seeded. Drift added: 1 % of the way and 1 deg per 100 m, in a direction
-  drawn once. NCLT's odometry as recorded is 8 cm rms from the reference, which is no survey: nothing is left for loops
-  to mend there.
-* Descriptors alone: each keyframe answers with its first candidate, if that is more alike than a threshold; right is
-  one within {KITTI.near:g} or {NCLT.near:g} m. Given is the recall, of keyframes, at the loosest threshold without a
-  wrong answer. The whole curves, and where verification ends up, which may try five candidates:
+  2013-01-10, clouds 1 m apart (3,300 points) with a LiDAR-inertial odometry's poses. The stages after the odometry are
+  those of the pipeline. All revisits of 00 are in the same direction, all of NCLT in the reverse direction.
+* Revisits: clouds that, by the reference, are within {KITTI.near:g} m of one more than {KITTI.ago:g} m of travelled
+  distance before (00), or within {NCLT.near:g} m of one more than {NCLT.ago:g} clouds before (NCLT). The pipeline
+  begins a keyframe every 2 m and gathers the clouds in between into it. "Are revisits": keyframes whose own cloud is a
+  revisit; found are those with an accepted loop. "Of all clouds": all revisits; found are those that were gathered into
+  a keyframe with an accepted loop. The two are the same if every cloud is a keyframe.
+* Wrong: loops more than {WRONG:g} m from the reference, which itself errs by up to 1 m between the passes of 00; worst:
+  the largest error of a loop. ATE: rmse after SE(3) alignment, over all clouds, before and after loops.
+* Half of the points: a random half of each cloud, seeded. Drift added: 1 % of the travelled distance and 1 deg per
+  100 m, in one random direction. NCLT's odometry as recorded is 8 cm rms from the reference, which is no survey: loops
+  have nothing to correct there.
+* Descriptors alone: each keyframe has its first candidate, if its distance is below a threshold; a candidate within
+  {KITTI.near:g} or {NCLT.near:g} m is right. The figure is the recall of keyframes at the loosest threshold without a
+  wrong candidate. The whole curves, and the result of the verification, which may try five candidates:
   [the picture](recorded_loops.png).
-* Seconds: loops and map of the whole drive, on a machine that is not quiet.
+* Seconds: loops and map of the whole sequence, on a machine shared with other programs.
 
 {table(HEADER, rows, words=2)}
-PIN-SLAM's published ATE on the whole of 00 is 5.93 m by its odometry and 0.84 m after its loops (Pan et al., T-RO
-2024): another odometry, all 4541 scans as recorded.
+PIN-SLAM's published ATE on the whole of 00 is 5.93 m for its odometry and 0.84 m after its loops (Pan et al., T-RO
+2024), with another odometry and all 4541 scans as recorded.
 
-NCLT with drift: loops tie the passes between 280 and 600 m of its 1133 m of way to each other, and nothing else; what
-comes before and after, and how both passes bend together, no loop sees. With the same loops put exactly where the
-reference has them, the ATE is {ideal} m. What the loops do see, a revisit's pose as seen from the nearest earlier
-place, is {apart} m (rms) off before and {closer} m after them. The revisits that the default run misses on NCLT lie
-less than 100 m of way after the place revisited, which the search leaves out as the same visit.
+NCLT with drift: loops connect the passes between 280 and 600 m of its 1133 m of travelled distance to each other only;
+they do not constrain the poses before and after, nor a deformation that both passes share. With the same loops at
+exactly the poses of the reference, the ATE is {ideal} m. The quantity that the loops observe, the pose of a revisit
+relative to the nearest earlier place, has an error of {apart} m (rms) before and {closer} m after them. The revisits
+that the default run misses on NCLT are less than 100 m of travelled distance after the place revisited, which the
+search leaves out as the same visit.
 
 ## Targets
 
-{table(("drive", "target", "figure", "limit", "verdict"), targets(results), words=2)}"""
+{table(("sequence", "target", "figure", "limit", "verdict"), targets(results), words=2)}"""
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
 
 
 def revisits(places: Array, since: Array, near: float, ago: float) -> list[int]:
-    """Of places (K, 4, 4) those that come within `near` [m] of one more than `ago` before, by `since` (K,), rising.
+    """Find the places (K, 4, 4) within `near` [m] of one more than `ago` before, by `since` (K,), increasing.
 
     `since` is the distance travelled [m] or the number of the place.
     """

@@ -41,7 +41,7 @@ INPUTS: dict[str, tuple[str, ...]] = {
 SWEEP_MS = 100  # a frame of the LiDAR
 SMALL = 0.5  # m: less than that at the first revisit, and drift is added
 HEADER = (
-    "drive", "channels", "frames", "own ATE m", "drift", "ATE before m", "after m", "times less",
+    "sequence", "channels", "frames", "own ATE m", "drift", "ATE before m", "after m", "times less",
     "in height m", "with true loops m", "revisits", "found", "recall", "loops", "wrong", "worst m",
     "seconds", "waiting ms",
 )  # fmt: skip
@@ -113,23 +113,25 @@ def page(found: Mapping[str, Any]) -> str:
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores.
 `{about["command"]}`
 
-* The town's loop and towns along the ways of KITTI 05, 06 and 07, {SPACING} m between frames, LiDAR only, exact truth.
-* ATE: rmse after SE(3) alignment, of all frames, before and after loops. Drift: where the odometry is off by less than
-  {SMALL} m at the first revisit, 1 % of the way and 1 deg per 100 m are added to it; own ATE is that without.
-* Revisits: keyframes within {NEAR:g} m of one more than {AGO:g} m of way before, in whatever direction. Found: those
-  with an accepted loop. Wrong: loops that are off by more than {WRONG:g} m; worst: by how much the worst is off.
-* Precision and recall of the descriptors alone (each keyframe's first candidate, over the threshold on the distance;
-  right is within {NEAR:g} m) and after verification: [the picture](simulated_loops.png).
-* In height: what is left of the ATE after loops, along the vertical alone. With true loops: the ATE after loops if the
-  same loops were put just where the truth has them; no way to verify them can do better.
-* Seconds: the whole run with our odometry, map included, on a machine that is not quiet. Waiting: how long a frame the
-  odometry stands still for keyframes, loops and graph behind it, in the mean; that happens where these fall 20 scans
-  behind, as scans read from a disk come faster than a LiDAR's 100 ms.
+* The loop of the town, and towns along the paths of KITTI 05, 06 and 07, {SPACING} m between frames, LiDAR only, with
+  exact ground truth.
+* ATE: rmse after SE(3) alignment, over all frames, before and after loops. Drift: if the error of the odometry is below
+  {SMALL} m at the first revisit, 1 % of the travelled distance and 1 deg per 100 m are added; own ATE is without them.
+* Revisits: keyframes within {NEAR:g} m of one more than {AGO:g} m of travelled distance before, in any direction.
+  Found: revisits with an accepted loop. Wrong: loops with an error above {WRONG:g} m; worst: the largest error of a
+  loop.
+* Precision and recall of the descriptors alone (first candidate of each keyframe, over the distance threshold; a
+  candidate within {NEAR:g} m is right) and after verification: [the picture](simulated_loops.png).
+* In height: the vertical part of the ATE after loops. With true loops: the ATE after loops if the same loops had
+  exactly the true relative poses; no verification can do better.
+* Seconds: the whole run with our odometry, including the map, on a machine shared with other programs. Waiting: mean
+  time per frame for which the odometry waits for keyframes, loops and graph; it waits when these are 20 scans behind,
+  since scans are read from disk faster than in the 100 ms of a LiDAR.
 
 {table(("target", "figure", "limit", "verdict"), targets(rows))}
 {table(HEADER, lines, words=2)}
-What loops leave is mostly height: how a way bends up and down between its loops they do not show, and it is the same
-with the loops put where the truth has them.
+The errors that remain after loops are mostly in height: loops do not constrain how a path bends up and down between
+them, and the same is true with exact loops.
 """
 
 

@@ -1,6 +1,6 @@
 """Removal of moving objects from the map: share of traffic removed, share of the rest lost, time and memory.
 
-    python -m benchmarks.mapping.moving_objects DRIVE [DRIVE ...]
+    python -m benchmarks.mapping.moving_objects SEQUENCE [SEQUENCE ...]
 
 writes moving_objects.md and .json in benchmarks/results. Simulated drives (`lidarlift simulate`) are mapped at their
 true poses and held against the town without traffic; others at the poses of the odometry.
@@ -42,19 +42,19 @@ from slam.simulation.simulation import Simulation, SimulationConfig
 CHANNELS = ("64", "16")
 HEIGHT = 1.73  # m of the LiDAR above the road, KITTI's and the simulated car's
 BODY = (0.4, 1.5)  # m above the road, and
-HALF_WIDTH = 0.8  # m: where the car itself drove through, nothing can have stood
+HALF_WIDTH = 0.8  # m: the space that the car itself drove through has no static objects
 ROAD, BESIDE = 0.15, 3.0  # m: within this of the road's height, and this far from the path, there is road
-MOVING, STILL = 0.3, 0.1  # m from what stands in the simulated town: further than one or nearer than the other
+MOVING, STILL = 0.3, 0.1  # m from static surfaces of the simulated town: farther than the first, nearer than the second
 
 NOTES = """
-* Keyframes every 2 m or 20 deg; a map of 0.2 m voxels. Shares are of voxels that the map had before anything was
-  removed.
-* moving: further than 0.3 m from all that stands in the simulated town; still: nearer than 0.1 m.
-* driven space: 0.4 to 1.5 m above the road and at most 0.8 m beside the way of the LiDAR. The car itself drove there,
-  so whatever the map has in it has moved. road: within 0.15 m of the road's height and 3 m of the way; it has stayed.
-* Where the odometry drifts, the road is in the map twice, and the beams take away one of the two layers: on drive 0005
-  at 16 channels (1 m of height lost over 72 m) all of the road voxels that go lie above others that stay.
-* gather: a scan into its keyframe; insert and carve: a keyframe into the map, and its beams through it. Medians, but
+* Keyframes every 2 m or 20 deg; a map with voxels of 0.2 m. Percentages are of the voxels of the map before the
+  removal.
+* moving: farther than 0.3 m from all static surfaces of the simulated town; still: nearer than 0.1 m.
+* driven space: 0.4 to 1.5 m above the road and at most 0.8 m from the path of the LiDAR. The car itself drove there, so
+  that everything in this space has moved. road: within 0.15 m of the road's height and 3 m of the path; it is static.
+* If the odometry drifts, the map has the road twice, and the beams remove one of the two layers: on 0005 at 16 channels
+  (a height error of 1 m over 72 m) all removed voxels of the road are above others that stay.
+* gather: a scan into its keyframe; insert and carve: a keyframe into the map, and its beams through it. Medians, except
   for carve: the mean.
 * picture: the whole map from above, as PNG.
 """
@@ -62,9 +62,9 @@ NOTES = """
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("datasets", nargs="+", type=Path, metavar="DRIVE", help="folder of a drive")
+    arguments.add_argument("datasets", nargs="+", type=Path, metavar="SEQUENCE", help="folder of a drive")
     arguments.add_argument(
-        "--pictures", type=Path, metavar="FOLDER", help="also draw each map, with what moved and without"
+        "--pictures", type=Path, metavar="FOLDER", help="also draw each map, with moving objects and without"
     )
     add_results(arguments)
     options = arguments.parse_args()
@@ -158,7 +158,7 @@ def _distance_to_what_stands(path: Path) -> Callable[[Array], Array] | None:
 
 
 def _driven_space(xyz: Array, way: Array) -> tuple[Array, Array]:
-    """(N,) bool each: in the space that the car drove through; on the road beside it."""
+    """(N,) bool each: in the space that the car drove through; on the road next to its path."""
     finely = np.arange(0, len(way) - 1 + 1e-9, 0.1)
     line = np.column_stack([np.interp(finely, np.arange(len(way)), way[:, axis]) for axis in range(3)])
     beside, nearest = cKDTree(line[:, :2]).query(xyz[:, :2], distance_upper_bound=BESIDE)
@@ -183,7 +183,7 @@ def page(found: Mapping[str, Any]) -> str:
     about, results = found["about"], found["maps"]
 
     accuracy = table(
-        ("drive", "channels", "poses", "voxels", "removed %", "moving %", "still %", "driven space %", "road %"),
+        ("sequence", "channels", "poses", "voxels", "removed %", "moving %", "still %", "driven space %", "road %"),
         (
             (row["drive"], row["channels"], row["poses"], str(row["voxels"]), number(row["removed"], 1, 100),
              number(row["moving"], 1, 100), number(row["still"], 3, 100), number(row["body"], 1, 100),
@@ -193,7 +193,7 @@ def page(found: Mapping[str, Any]) -> str:
         words=3,
     )  # fmt: skip
     cost = table(
-        ("drive", "channels", "keyframes", "KB a keyframe", "gather ms", "insert ms", "carve ms", "picture s"),
+        ("sequence", "channels", "keyframes", "KB a keyframe", "gather ms", "insert ms", "carve ms", "picture s"),
         (
             (row["drive"], row["channels"], str(row["keyframes"]), number(row["keyframe_kb"], 0),
              *(number(row[f"{stage}_ms"], 1) for stage in ("gather", "insert", "carve")), number(row["picture_s"], 1))
@@ -202,7 +202,7 @@ def page(found: Mapping[str, Any]) -> str:
         words=2,
     )  # fmt: skip
     where = f"{about['date']}, {about['cpu']}, {about['cores']} cores, {about['memory_gib']} GiB"
-    removed = "## What is removed, by what it was\n"
+    removed = "## Removed voxels by kind\n"
     return "\n".join(
         ["# Map", "", f"{where}.", "", f"```\n{about['command']}\n```", NOTES, removed, accuracy, "## Cost\n", cost]
     )

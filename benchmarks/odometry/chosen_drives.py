@@ -56,13 +56,13 @@ class ChosenDrive:
 
 
 def add_drives(parser: argparse.ArgumentParser, *default: str) -> None:
-    """DRIVE [DRIVE ...], --frames A:B and --trajectories FOLDER; `default`: what is driven where none is named."""
+    """Add SEQUENCE [SEQUENCE ...], --frames A:B and --trajectories FOLDER; `default` replaces missing sequences."""
     help_text = f"a folder, or one of {', '.join(SIMULATED)}"
     if default:
-        parser.add_argument("drives", nargs="*", default=list(default), metavar="DRIVE",
+        parser.add_argument("drives", nargs="*", default=list(default), metavar="SEQUENCE",
                             help=f"{help_text}; by default {' '.join(default)}")  # fmt: skip
     else:
-        parser.add_argument("drives", nargs="+", metavar="DRIVE", help=help_text)
+        parser.add_argument("drives", nargs="+", metavar="SEQUENCE", help=help_text)
     add_frames(parser, None)
     parser.add_argument("--trajectories", type=Path, metavar="FOLDER",
                         help=f"with kitti_05_ground_truth.txt and the others, for {', '.join(ALONG)}")  # fmt: skip

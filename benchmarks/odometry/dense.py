@@ -1,6 +1,6 @@
 """The trajectory of the dense yardstick at 64 channels (N, 4, 4), as .npy.
 
-    python -m benchmarks.odometry.dense FILE.npy DRIVE
+    python -m benchmarks.odometry.dense FILE.npy SEQUENCE
 
 `dense_trajectory` starts it, in a process of its own: it may use more than one thread.
 """

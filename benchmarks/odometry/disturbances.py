@@ -33,7 +33,7 @@ class Schedule:
             yield replace(data[int(position)], stamp=float(stamp))
 
     def clock_set(self, seconds: float) -> Schedule:
-        """From the frame in the middle on, the clock is so much ahead."""
+        """From the middle frame on, the clock is ahead by a number of seconds."""
         return replace(self, stamps=self.stamps + seconds * (np.arange(len(self.stamps)) >= len(self.stamps) // 2))
 
     def chosen(self, index: Array, closed_up: bool = False) -> Schedule:

@@ -1,10 +1,10 @@
 """Does our odometry bear clocks that jump, frames that are missing, other cell sizes, stops, and does it repeat?
 
-    python -m benchmarks.odometry.disturbed DRIVE [DRIVE ...]
+    python -m benchmarks.odometry.disturbed SEQUENCE [SEQUENCE ...]
 
-DRIVE is a folder that lidarlift reads, or one of the simulated drives of benchmarks/common/simulated.py, simulated once
-into the user's cache. Errors are against the exact truth of simulated drives, and against a dense trajectory of others.
-Writes disturbed.md and .json in benchmarks/results. Linux only (pins to a core).
+SEQUENCE is a folder that lidarlift reads, or one of the simulated drives of benchmarks/common/simulated.py, simulated
+once into the user's cache. Errors are against the exact truth of simulated drives, and against a dense trajectory of
+others. Writes disturbed.md and .json in benchmarks/results. Linux only (pins to a core).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from slam.data.cloud import Array
 from slam.data.dataset import open_dataset
 
 CLOCK = (2.0, 37.0, 3600.0, -2.0)  # s
-STEPS = (2, 3)  # every so many-th frame
+STEPS = (2, 3)  # every 2nd and every 3rd frame
 FACTORS = (0.75, 1.5)
 STOPPING = "crawl"
 Row = dict[str, Any]

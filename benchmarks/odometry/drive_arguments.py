@@ -7,8 +7,8 @@ from pathlib import Path
 
 
 def add_drives(parser: argparse.ArgumentParser) -> None:
-    """DRIVE [DRIVE ...] and --frames A:B."""
-    parser.add_argument("datasets", nargs="+", type=_folder, metavar="DRIVE", help="folder of a drive")
+    """SEQUENCE [SEQUENCE ...] and --frames A:B."""
+    parser.add_argument("datasets", nargs="+", type=_folder, metavar="SEQUENCE", help="folder of a drive")
     add_frames(parser, ":")
 
 

@@ -1,6 +1,6 @@
 """Odometry compared with its peers on the same scans: speed, accuracy, memory.
 
-    python -m benchmarks.odometry.frame_rate DRIVE [DRIVE ...]
+    python -m benchmarks.odometry.frame_rate SEQUENCE [SEQUENCE ...]
 
 writes frame_rate.md, .json and .png in benchmarks/results. The JSON is [dataset][system][channels].{median_ms, ate_m,
 ...}, with "about" beside the data sets. Linux only (pins to a core).

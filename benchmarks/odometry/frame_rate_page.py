@@ -12,22 +12,23 @@ from eval.text import number
 Results = dict[str, Any]  # [dataset][system][channels] -> figures, see figures.py
 
 PROTOCOL = """\
-* All systems get the same scans, read beforehand: 64 channels as recorded, 16 by every 4th ring. Where scans have
-  times, each system deskews them by its own constant-velocity prediction, with the same kernel; all get the sensor's
-  vertical correction. `ndt` has the default configuration for its input, `ndt-scan-to-scan` the preset; the others
-  have their authors' settings (benchmarks/odometry/peers.py), the same at 64 and at 16 channels.
-* Scan by scan the systems take turns in one process, pinned to one core, one thread each; who begins changes from scan
-  to scan. Repeats, with fresh systems: {repeats}. Time is from point cloud to pose, deskewing and update of the map
-  included, disk not; compilation is over and the first {uncounted} frames do not count.
-* Median and 95th percentile are over all counted scans; frames/s is their number by their total time. "x KISS-ICP" is
-  KISS-ICP's median by the system's (in brackets: least and most of the repeats): above 1 is faster.
-* ATE: rmse of positions after SE(3) alignment to the ground truth. "to dense": the same against a slow dense
-  trajectory, small_gicp's GICP at 64 channels against the last 20 scans at 0.25 m: being GICP, it may flatter gicp
-  and vgicp. Both are of the first repeat. `ndt` uses points up to 80 m, its default, the peers up to 100 m, theirs.
-* Drift: KITTI's metric, at lengths that fit the drive; "unrotated": after the best constant rotation of the body frame
-  is removed. On short drives it measures the truth as much as the odometry.
-* Memory: peak of a process of its own that reads 64-channel scans one by one, libraries included (in brackets: before
-  the first scan). "lost": frames where ours kept the prediction; the peers do not say.
+* All systems get the same scans, read in advance: 64 channels as recorded, or 16, every 4th ring. If scans have times,
+  each system deskews them with its own constant-velocity prediction and the same kernel; all get the vertical
+  correction of the sensor. `ndt` has the default settings for its input, `ndt-scan-to-scan` those of the preset; the
+  peers have their authors' settings (benchmarks/odometry/peers.py), the same at 64 and at 16 channels.
+* The systems alternate scan by scan in one process, pinned to one core, with one thread each; the order changes from
+  scan to scan. Repeats, with new instances: {repeats}. The time is from point cloud to pose, including deskewing and
+  the update of the map, without reading from disk; compilation and the first {uncounted} frames do not count.
+* Median and 95th percentile are over all counted scans; frames/s is their number divided by their total time. "x
+  KISS-ICP" is KISS-ICP's median divided by the system's (in brackets: minimum and maximum of the repeats): above 1 is
+  faster.
+* ATE: rmse of positions after SE(3) alignment to the ground truth. "to dense": the same relative to a slow dense
+  trajectory, small_gicp's GICP at 64 channels against the last 20 scans at 0.25 m; since it is GICP, it may favour gicp
+  and vgicp. Both are of the first repeat. `ndt` uses points up to 80 m, the peers up to 100 m: their defaults.
+* Drift: KITTI's metric, at lengths that fit the sequence; "unrotated": after the best constant rotation of the body
+  frame is removed. On short sequences it measures the ground truth as much as the odometry.
+* Memory: peak of a separate process that reads 64-channel scans one by one, including libraries (in brackets: before
+  the first scan). "lost": frames for which our odometry kept the prediction; the peers do not report this.
 """
 
 
@@ -39,10 +40,10 @@ def page(found: Mapping[str, Any]) -> str:
         "# Odometry\n",
         f"{about['date']}, {about['cpu']}, {about['cores']} cores, {about['memory_gib']} GiB; {versions}.\n",
         f"```\n{about['command']}\n```\n",
-        "![Milliseconds a frame against distance to a dense trajectory, a panel a drive](frame_rate.png)\n",
+        "![Milliseconds per frame over distance to a dense trajectory, one panel per sequence](frame_rate.png)\n",
         PROTOCOL.format(**about),
         "## Targets\n",
-        table(("drive", "target", "ndt", "limit", "verdict"), targets(results), words=2),
+        table(("sequence", "target", "ndt", "limit", "verdict"), targets(results), words=2),
     ]
     for name, systems in results.items():
         facts = about["datasets"][name]
@@ -86,7 +87,7 @@ def _caption(facts: dict[str, Any], systems: Results) -> str:
     drift = next((entry["drift"] for s in systems.values() for entry in s.values() if entry.get("drift")), None)
     if drift:
         text += f"; drift: {drift['name']}" + (f", segments: {drift['segments']}" if drift["segments"] else "")
-    return text + ("" if facts["dense"] else "; the dense yardstick failed") + ".\n"
+    return text + ("" if facts["dense"] else "; the dense reference failed") + ".\n"
 
 
 def _table(systems: Results) -> str:
@@ -133,7 +134,7 @@ def _memory(entry: dict[str, Any]) -> str:
 
 
 def _errors(systems: Results) -> list[str]:
-    """A line for each system that did not come through."""
+    """A line for each system that failed."""
     return [
         f"`{name}` failed at {channels} channels: {entry['error']}\n"
         for name, by_channels in systems.items()

@@ -1,6 +1,6 @@
 """Peak memory of one system at 64 channels, scans read one by one, and what imports took of it, as JSON.
 
-    python -m benchmarks.odometry.memory SYSTEM DRIVE
+    python -m benchmarks.odometry.memory SYSTEM SEQUENCE
 
 A process of its own for each system: frame_rate.py starts them. Libraries that the system does not need stay out of it.
 """

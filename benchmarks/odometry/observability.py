@@ -1,8 +1,8 @@
 """Does our odometry say where a scene does not hold it, and how sure it is elsewhere? On simulated drives.
 
-    python -m benchmarks.odometry.observability [DRIVE ...]
+    python -m benchmarks.odometry.observability [SEQUENCE ...]
 
-DRIVE is one of the simulated drives of benchmarks/common/simulated.py, or 05, 06, 07, simulated once into the user's
+SEQUENCE is one of the simulated drives of benchmarks/common/simulated.py, or 05, 06, 07, simulated once into the user's
 cache; by default all but the latter. Writes observability.md and .json in benchmarks/results.
 """
 

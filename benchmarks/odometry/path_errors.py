@@ -7,7 +7,7 @@ import numpy as np
 from slam.data import se3
 from slam.data.cloud import Array
 
-ENOUGH = 1.0  # m of way that tell in which direction the sensor moves
+ENOUGH = 1.0  # m of travelled distance from which the direction of travel is estimated
 
 
 def along_track_error(estimate: Array, truth: Array) -> float | None:

@@ -56,7 +56,7 @@ class Kiss(Peer):
         self.system = KissICP(config)
 
     def align(self, xyz: Array, guess: Array) -> Array:
-        del guess  # it predicts by itself, in the same way
+        del guess  # it predicts by itself, likewise
         self.system.register_frame(xyz, np.zeros(len(xyz)))
         return self.system.last_pose.copy()
 
@@ -73,7 +73,7 @@ class GenZ(Peer):
             self.system = GenZICP(load_config(path))
 
     def align(self, xyz: Array, guess: Array) -> Array:
-        del guess  # it predicts by itself, in the same way
+        del guess  # it predicts by itself, likewise
         self.system.register_frame(xyz, None)
         return self.system.last_pose.copy()
 

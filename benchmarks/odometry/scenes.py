@@ -1,8 +1,8 @@
 """Odometry compared with its peers on any drives and inputs: error at the end, frame of the largest error, run time.
 
-    python -m benchmarks.odometry.scenes DRIVE [DRIVE ...] --inputs full 16 ray-segment lift
+    python -m benchmarks.odometry.scenes SEQUENCE [SEQUENCE ...] --inputs full 16 ray-segment lift
 
-DRIVE is a folder that lidarlift reads, or one of the simulated drives of benchmarks/common/simulated.py, or a town
+SEQUENCE is a folder that lidarlift reads, or one of the simulated drives of benchmarks/common/simulated.py, or a town
 along the path of KITTI 05, 06 or 07 (with --trajectories), simulated once into the user's cache. A folder's drive is
 held against a dense trajectory, too. Writes scenes.md and .json in benchmarks/results; the JSON is
 [drive][input]["systems"][system], with "about" beside the drives. Linux only (pins to a core).

@@ -12,32 +12,32 @@ from eval.text import number
 Results = dict[str, Any]  # [drive][input] -> {"reason", "front_end_ms", "systems": {system: figures}}
 
 DEFAULT = next(iter(OURS))
-OFF = 0.05  # of the true path: so much longer or shorter, or so far from its end, and the position is wrong
+OFF = 0.05  # share of the true path: larger errors of its length or its end are wrong positions
 HEADER = (
     "input", "system", "ATE m", "to dense m", "along m", "path m", "path %", "worst frame m", "at", "degenerate",
     "lost", "median ms", "x KISS-ICP",
 )  # fmt: skip
 
 PROTOCOL = """\
-* Inputs: `full` as recorded; `16` sixteen rings evenly from the top one on (of 64 every 4th, of 128 every 8th; a sensor
-  that has no more has only `full`); a method's name where it fills these in up to 64, shown the past as our odometry
-  places it. All systems get the same clouds, deskewed each by its own constant-velocity prediction with the same kernel
-  where points have times, and with the sensor's vertical correction. Points that are filled in have a sigma, which ours
-  alone reads.
-* `ndt` is lidarlift's odometry with the configuration that it takes by itself for the input, `ndt-scan-to-scan` with
-  the preset; no loops. The others have their authors' settings (benchmarks/odometry/peers.py). GenZ-ICP's wheel has
-  several: `genz-icp` is outdoor.yaml, `genz-icp-indoor` indoor.yaml, which is what it takes when nothing is asked for.
-* ATE: rmse of positions after SE(3) alignment. Along: how far ahead of the truth the last position lies, behind it
-  where negative, along the true direction of travel there, the first poses put onto each other. Path: its length, and
-  by how much it is longer than the true one. Worst frame: the largest translation error of the motion from one frame to
-  the next, and the number of the later one. KITTI's truth is off by more than the odometry but on 04.
-* To dense: as ATE, to a slow dense trajectory in place of the truth, small_gicp's GICP at all channels against the
-  last 20 scans at 0.25 m; of recorded drives alone. Being GICP, it may flatter gicp and vgicp.
-* Degenerate: frames of which ours says that they do not hold it in some directions, where it kept the prediction. Lost:
-  where it kept all of it, and says so. The peers do not say.
-* Scan by scan the systems take turns in one process, pinned to one core, one thread each; who begins changes from scan
-  to scan. Time is from point cloud to pose, compilation is over and the first {uncounted} frames do not count.
-  "x KISS-ICP" is KISS-ICP's median by the system's: above 1 is faster. The machine is shared, so that only ratios
+* Inputs: `full`, as recorded; `16`, sixteen evenly spaced rings from the top (every 4th of 64, every 8th of 128; a
+  sensor with no more rings has `full` only); or these enriched to about 64 by the method named, with a history that our
+  odometry places. All systems get the same clouds, each deskewed with its own constant-velocity prediction and the same
+  kernel if points have times, and with the vertical correction of the sensor. Predicted points have a sigma, which only
+  our odometry uses.
+* `ndt` is lidarlift's odometry with the default settings for the input, `ndt-scan-to-scan` with the preset; both
+  without loops. The peers have their authors' settings (benchmarks/odometry/peers.py). GenZ-ICP's wheel has several:
+  `genz-icp` is outdoor.yaml, `genz-icp-indoor` is indoor.yaml, its default.
+* ATE: rmse of positions after SE(3) alignment. Along: how far the last position is ahead of the ground truth (negative:
+  behind it), along the true direction of travel, with the first poses aligned. Path: its length, and by how much it is
+  longer than the true one. Worst frame: the largest translation error of the motion between frames, and the number of
+  the later frame. KITTI's ground truth errs by more than the odometry, except on 04.
+* To dense: as ATE, relative to a slow dense trajectory instead of the ground truth, small_gicp's GICP at all channels
+  against the last 20 scans at 0.25 m; for recorded sequences only. Since it is GICP, it may favour gicp and vgicp.
+* Degenerate: frames that our odometry reports as unobservable in some directions, along which it keeps the prediction.
+  Lost: frames with the status `failed`, for which it keeps all of the prediction. The peers do not report this.
+* The systems alternate scan by scan in one process, pinned to one core, with one thread each; the order changes from
+  scan to scan. The time is from point cloud to pose; compilation and the first {uncounted} frames do not count. "x
+  KISS-ICP" is KISS-ICP's median divided by the system's: above 1 is faster. The machine is shared, so that only ratios
   count.
 """
 
@@ -52,14 +52,14 @@ def page(found: Mapping[str, Any]) -> str:
         f"```\n{about['command']}\n```\n",
         *([f"{about['note']}\n"] if "note" in about else []),
         PROTOCOL.format(**about),
-        "## Who is nearest to the truth\n",
+        "## Ranking by ATE\n",
         _nearest(results, about),
         *_nearest_to_dense(results),
-        "## Where we lose\n",
+        "## Cases in which a peer is better\n",
         bullets(where_we_lose(results)),
-        "## Wrong without knowing\n",
-        f"Our path, or where it ends, is off by more than {OFF:.0%} of the way even where the frames that it called "
-        "degenerate or\nlost are set right.\n",
+        "## Unreported errors\n",
+        f"The error of our path's length or of its end exceeds {OFF:.0%} of the path, even after the frames that it "
+        "reported as\ndegenerate or lost are corrected.\n",
         bullets(wrong_without_knowing(results, about["datasets"])),
     ]
     for name, drive in results.items():
@@ -80,7 +80,7 @@ def where_we_lose(results: Results) -> list[str]:
     for drive, name, systems in _measured(results):
         ours = systems[DEFAULT]
         if ours["error"]:
-            lines.append(f"{drive}, {name}: {DEFAULT} did not come through.")
+            lines.append(f"{drive}, {name}: {DEFAULT} failed.")
             continue
         better = [(other, ate) for other, ate in ranking(systems) if other not in OURS and ate < ours["ate_m"]]
         if better:
@@ -110,17 +110,17 @@ def wrong_without_knowing(results: Results, facts: Mapping[str, Any]) -> list[st
                 said = frames - systems[ours]["failed_frames"] - systems[ours].get("degenerate_frames", 0)
                 lines.append(
                     f"{drive}, {name}, {ours}: {number(length, 1)} m for {number(true, 1)}, "
-                    f"{_signed(along, 1)} m at the end; {said} of {frames} frames called registered."
+                    f"{_signed(along, 1)} m at the end; {said} of {frames} frames are `registered`."
                 )
     return lines
 
 
 def bullets(lines: list[str]) -> str:
-    return "".join(f"* {line}\n" for line in lines) or "Nowhere.\n"
+    return "".join(f"* {line}\n" for line in lines) or "None.\n"
 
 
 def _measured(results: Results) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
-    """Drive, input and figures by system, of those inputs that the drive has."""
+    """Sequence, input and figures by system, for the inputs that the sequence has."""
     for drive, by_input in results.items():
         for name, entry in by_input.items():
             if entry["reason"] is None:
@@ -129,7 +129,7 @@ def _measured(results: Results) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
 
 def _nearest(results: Results, about: Mapping[str, Any]) -> str:
     """Table by ATE, with that of an earlier run of ours on the same number of frames, if it is known."""
-    header: tuple[str, ...] = ("drive", "input", "nearest", "ATE m", f"{DEFAULT} m", "times", "rank")
+    header: tuple[str, ...] = ("sequence", "input", "nearest", "ATE m", f"{DEFAULT} m", "times", "rank")
     if "before" not in about:
         return table(header, _ranks(results, "ate_m"), words=3)
     date, drives = about["before"]["date"], about["before"]["drives"]
@@ -145,7 +145,7 @@ def _nearest(results: Results, about: Mapping[str, Any]) -> str:
 def _nearest_to_dense(results: Results) -> list[str]:
     """The same by the distance to the dense trajectory, where there is one."""
     rows = list(_ranks(results, "dense_m"))
-    header = ("drive", "input", "nearest", "to dense m", f"{DEFAULT} m", "times", "rank")
+    header = ("sequence", "input", "nearest", "to dense m", f"{DEFAULT} m", "times", "rank")
     return [table(header, rows, words=3)] if rows else []
 
 
@@ -169,8 +169,8 @@ def _caption(facts: Mapping[str, Any], drive: Mapping[str, Any]) -> str:
         text += f"; {facts['truth_path_length_m']:.1f} m by the ground truth"
     took = [(name, entry["front_end_ms"]) for name, entry in drive.items() if entry.get("front_end_ms") is not None]
     if took:
-        text += "; filling in takes " + ", ".join(f"{number(each, 0)} ms ({name})" for name, each in took)
-    return text + ("; the dense yardstick failed" if facts.get("dense_failed") else "") + ".\n"
+        text += "; enrichment takes " + ", ".join(f"{number(each, 0)} ms ({name})" for name, each in took)
+    return text + ("; the dense reference failed" if facts.get("dense_failed") else "") + ".\n"
 
 
 def _table(facts: Mapping[str, Any], drive: Mapping[str, Any]) -> str:
@@ -209,7 +209,7 @@ def _signed(value: float | None, decimals: int) -> str:
 
 
 def _errors(drive: Mapping[str, Any]) -> list[str]:
-    """A line for each system that did not come through."""
+    """A line for each system that failed."""
     return [
         f"`{system}` failed on {name}: {found['error']}\n"
         for name, entry in drive.items()

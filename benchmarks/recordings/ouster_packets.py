@@ -118,11 +118,11 @@ def page(found: Mapping[str, Any]) -> str:
     lines = [
         "# Ouster's packets",
         "",
-        f"Our decoder beside ouster-sdk {about['ouster-sdk']}, {about['date']}: the points of the same packets,",
-        "by their time. Recordings are real; packets of each profile were made by the SDK, of random pixels. Points",
-        "are to lie within 1 mm of the SDK's.",
+        f"Our decoder compared with ouster-sdk {about['ouster-sdk']}, {about['date']}: the points of the same packets,",
+        "matched by time. Recordings are real; packets of each profile were written by the SDK from random pixels. The",
+        "target is a distance of at most 1 mm from the SDK's points.",
         "",
-        "| | points | by the SDK | farthest apart [mm] | times, reflectivities |",
+        "| | points | by the SDK | maximum distance [mm] | times, reflectivities |",
         "| --- | --- | --- | --- | --- |",
     ]
     for name, row in (*found["recordings"].items(), *found["profiles"].items()):

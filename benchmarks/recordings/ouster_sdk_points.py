@@ -4,7 +4,7 @@
 
 `time` (N,) uint64 [ns], `row` (N,), `xyz` (N, 3) float64 [m] and `reflectivity` (N,) of all points, sweep by sweep,
 column by column; `count` (S,) points a sweep. With a PROFILE in place of CAPTURE, packets of random pixels are made by
-the SDK in that profile and stand in the file as `packets` (P, bytes), beside the points that it reads out of them.
+the SDK in that profile and are in the file as `packets` (P, bytes), with the points that it reads from them.
 
 Outside of lidarlift's environment: imports nothing of ours, and no more than numpy and the SDK.
 """

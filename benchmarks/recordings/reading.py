@@ -1,4 +1,4 @@
-"""How fast scans are read out of recordings, beside rosbags' own reading, and what that takes of memory.
+"""Speed and memory of reading scans from recordings, compared with rosbags' own reader.
 
     python -m benchmarks.recordings.reading --scans 400
 

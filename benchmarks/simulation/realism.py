@@ -1,6 +1,6 @@
 """Recorded and simulated drives compared: statistics of their scans, and the error of odometries on them.
 
-    python -m benchmarks.simulation.realism DRIVE [DRIVE ...]
+    python -m benchmarks.simulation.realism SEQUENCE [SEQUENCE ...]
 
 writes realism.md, .json and .png (curves) in benchmarks/results. A town is close to the real thing where its figures
 lie among those of real drives and systems rank there as they do here.

@@ -18,14 +18,14 @@ from slam.data.plot_style import save_png, tidy
 Results = dict[str, Any]  # [drive]["scans" | "odometry"] -> figures
 
 NOTES = """\
-* Scans: evenly spread over the drive, deskewed by the ground truth's motion where they are not already, with the
-  sensor's vertical correction; means over scans, but for the returns of a ring (medians).
-* Planes: cells of 1 m with 20 points or more, flat against wide; the RMS distance of points from a cell's plane holds
-  the noise and what is not flat. Ground: within 25 cm of the plane that fits 3-30 m around the car.
-* Jumps: neighbours along a ring whose ranges differ by 1 m and more. Hanging: points at such an edge, 30 cm and more
-  from both neighbours and between them: mixed pixels, and oblique or ragged surfaces.
-* Odometry: ATE after SE(3) alignment and KITTI's drift against each drive's own truth, which is exact for simulated
-  drives only. Where the two systems stand to each other is to be compared, not what they reach.
+* Scans: evenly spaced over the sequence, deskewed by the true motion if they are not motion-compensated, with the
+  vertical correction of the sensor; means over scans, except for the returns of a ring (medians).
+* Planes: cells of 1 m with 20 points or more that are much thinner than wide; the RMS distance of the points from the
+  cell's plane includes noise and unevenness. Ground: within 25 cm of the plane that fits 3-30 m around the car.
+* Jumps: neighbours along a ring whose ranges differ by 1 m or more. Hanging: points at such an edge, between their
+  neighbours and 30 cm or more from both: mixed pixels, and oblique or ragged surfaces.
+* Odometry: ATE after SE(3) alignment and KITTI's drift, relative to the ground truth of each sequence, which is exact
+  for simulated sequences only. The relation between the two systems is to be compared, not the figures themselves.
 """
 
 
@@ -37,11 +37,11 @@ def page(found: Mapping[str, Any]) -> str:
         "# Realism\n",
         f"{about['date']}, {about['cpu']}; {versions}.\n",
         f"```\n{about['command']}\n```\n",
-        "![Points by range, returns by ring and jumps by ring, a line a drive](realism.png)\n",
+        "![Points by range, returns by ring and jumps by ring, one line per sequence](realism.png)\n",
         NOTES,
         table(("", *results), _looks([entry["scans"] for entry in results.values()])),
         table(
-            ("drive", "channels", "system", "ATE m", "drift %", "path m", "lost"),
+            ("sequence", "channels", "system", "ATE m", "drift %", "path m", "lost"),
             [
                 (drive, channels, system, *_behaviour(entry))
                 for drive, figures in results.items()

@@ -107,18 +107,18 @@ def page(found: Mapping[str, Any]) -> str:
                 f"{drive['files']} files the same" if drive["same"] else "differ",
             )
         )
-    header = ("drive", "before", "after", "times as many", f"at least {AIM:g}", "whole command", "bytes")
+    header = ("sequence", "before", "after", "times as many", f"at least {AIM:g}", "whole command", "bytes")
     return f"""# Speed of the simulator
 
 {about["date"]}, {about["cpu"]}, {about["usable_cores"]} cores, as many processes.
 `{about["command"]}`
 
-* Frames a second, everything written: image, scan, and in "everything" exact depth and the exact scan too, with
-  distortion. Before: {commits["before"]}; after: {commits["after"]}. The versions take turns; medians of
-  {len(next(iter(found["drives"].values()))["rounds"])} rounds, in brackets the least and the most.
-* A rate is that of {frames} frames less {FEW}: what starting takes (imports, the town) is left out. "Whole command" is
-  the ratio of the times of `lidarlift simulate --frames {frames}` with all that.
-* Bytes: all files but simulation.json, which says which code made them.
+* Frames per second, including the writing of image and scan; in "everything" also of exact depth and the exact scan,
+  with distortion. Before: {commits["before"]}; after: {commits["after"]}. The versions alternate; medians of
+  {len(next(iter(found["drives"].values()))["rounds"])} rounds, in brackets minimum and maximum.
+* A rate is that of {frames} frames minus {FEW}: the time of the start (imports, the town) is left out. "Whole command"
+  is the ratio of the times of `lidarlift simulate --frames {frames}`, including the start.
+* Bytes: all files but simulation.json, which contains a digest of the code.
 
 {table(header, rows)}"""
 

@@ -16,10 +16,10 @@ SEEN = ("0005", "0013")  # the shipped weights were trained on these
 
 
 def held_out(text: str) -> tuple[str, Path]:
-    """--held-out DRIVE=FOLDER."""
+    """--held-out SEQUENCE=FOLDER."""
     drive, equals, folder = text.partition("=")
     if not (drive and equals and folder):
-        raise argparse.ArgumentTypeError(f"{text}: write DRIVE=FOLDER, as in 0005=weights-without-0005")
+        raise argparse.ArgumentTypeError(f"{text}: write SEQUENCE=FOLDER, as in 0005=weights-without-0005")
     return drive, Path(folder)
 
 

@@ -67,20 +67,21 @@ def page(found: Mapping[str, Any]) -> str:
 {about["date"]}, {about["cpu"]}.
 `{about["command"]}`
 
-* Each {found["steps"]} steps ({options}, at scale {HALF.scale:g}) on drive 0013,
-  single frames of KITTI odometry and stereo 2015, and three simulated towns; figures on 12 frames of KITTI odometry 07,
-  08 and 10, at returns off the kept rings. A seed decides on first weights, order of the examples, crops and dropout.
-  Spread: largest less smallest.
-* The paper's own loss, squared but for a trace. A small budget, two passes over the frames: it tells how fast each
-  learns, not where each ends. F2L and L2L start as a mean of the depths around, LI2L from nothing.
-* The paper's order is F2L far before L2L and LI2L, after training on 1730 frames. Here, by MAE, F2L is before L2L from
-  {before(figures, "l2l")} of {len(SEEDS)} seeds, and before LI2L from {before(figures, "li2l")}.
+* Each network was trained for {found["steps"]} steps ({options}, at scale {HALF.scale:g})
+  on sequence 0013, single frames of KITTI odometry and stereo 2015, and three simulated towns; the figures are of 12
+  frames of KITTI odometry 07, 08 and 10, at returns off the kept rings. The seed determines the initial weights, the
+  order of examples, crops and dropout. Spread: maximum minus minimum.
+* The loss is the paper's, almost entirely the squared error. The budget of two passes over the frames is small: it
+  shows how fast each network learns, not its final accuracy. F2L and L2L start as a mean of the depths around, LI2L
+  from random weights.
+* In the paper, after training on 1730 frames, F2L is far better than L2L and LI2L. Here F2L has a lower MAE than L2L
+  for {before(figures, "l2l")} of {len(SEEDS)} seeds, and than LI2L for {before(figures, "li2l")}.
 
 {table(HEADER, lines)}"""
 
 
 def before(figures: Mapping[str, Sequence[Mapping[str, float]]], other: str) -> int:
-    """From how many seeds F2L has a smaller MAE than another network."""
+    """Number of seeds for which F2L has a lower MAE than another network."""
     pairs = zip(figures["f2l"], figures[other], strict=True)
     return sum(ours["mae"] < theirs["mae"] for ours, theirs in pairs)
 

@@ -4,7 +4,7 @@
     python -m benchmarks.weights.train_networks DATA OUT --full     whole images at full resolution, on a GPU
 
 DATA is the folder with kitti_raw_0013 and the others below, unpacked; towns are simulated. A network learns in two
-stages: OUT/squared with the paper's own loss, and from there, with an absolute error beside it, OUT/absolute.
+stages: OUT/squared with the paper's own loss, and from there, with an absolute error added to it, OUT/absolute.
 Their cards tell how the shipped weights were made. An interrupted training is resumed when started again; in the
 background:
 

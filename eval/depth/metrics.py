@@ -23,7 +23,7 @@ PROTOCOL = {
     "iMAE, iRMSE": "errors of the inverse range, 1/km",
     "AUSE": "mean over k = 1..N of (MAE of the k predictions of smallest sigma - of the k of smallest |error|), in mm",
     "calibration": "share of the predictions with |error| <= sigma, ideally 0.68; sigma is scaled by online "
-    "calibration on rings held out of the sparse scan, as in a run",
+    "calibration on held-out rings of the sparse scan, as in a run",
     "past": "methods receive the same rings of up to five scans before, transformed by the true poses, if known",
     "trusted": "the predictions that the method marks as accurate enough for registration",
     "at_80": "the 80 % of the predictions with the smallest sigma",

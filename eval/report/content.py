@@ -64,15 +64,15 @@ class Report:
         title: The sequence, and what is compared.
         rows: Runs and trajectories, at least one.
         truth: The ground truth, or a trajectory in its place, None without.
+        truth_name: Its name.
         command: The command line that makes the report again, None if unknown.
-        truth_name: Name of `truth`.
     """
 
     title: str
     rows: Sequence[Row]
     truth: Track | None = None
-    command: str | None = None
     truth_name: str = "ground truth"
+    command: str | None = None
 
     @cached_property
     def colours(self) -> dict[str, str]:
@@ -121,7 +121,7 @@ def report_of(
     truth = next((found for folder in folders.values() if (found := read_truth(folder))), None)
     rows = [read_run(label, folder) for label, folder in folders.items()]
     rows += [track_row(label, track, truth) for label, track in (tracks or {}).items()]
-    return Report(title, rows, truth, command)
+    return Report(title, rows, truth, command=command)
 
 
 def _paired(track: Track, reference: Track) -> Pairs | None:

@@ -57,7 +57,7 @@ def accuracy(report: Report) -> Table | None:
         f"Lower is better; the best of each column is bold. Drift: {', '.join(drifts)}. All errors are rmse, but "
         "the drift is a mean. The definition of each figure is in the protocol below."
     )
-    return Table("accuracy", "Accuracy against ground truth", note, ACCURACY, rows, colours)
+    return Table("accuracy", f"Accuracy against {report.truth_name}", note, ACCURACY, rows, colours)
 
 
 def paper_table(report: Report) -> Table | None:
@@ -102,7 +102,11 @@ def map_table(report: Report, figures: Mapping[str, MapFigures]) -> Table | None
         Column("Keyframes"),
         Column("Loops accepted"),
         Column("rejected"),
-        *([Column("false", help=f"Accepted, but more than {FALSE_BEYOND:g} m off the ground truth")] if truth else []),
+        *(
+            [Column("false", help=f"Accepted, but more than {FALSE_BEYOND:g} m off the {report.truth_name}")]
+            if truth
+            else []
+        ),
         *(LOOP_ERRORS if closed else ()),
         Column("Map points"),
         Column(

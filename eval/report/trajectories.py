@@ -128,19 +128,23 @@ def _segments(report: Report, rows: Sequence[Row], pairs: dict[str, Pairs]) -> C
 def _height(report: Report, pairs: dict[str, Pairs]) -> Chart:
     """Heights with the first pose on that of the reference, so that drift grows along the path as it did."""
     name, reference = report.reference
-    up = 1 if body_frame(reference.poses) == "camera" else 2
+    row_up, sign = (1, -1) if body_frame(reference.poses) == "camera" else (2, 1)
+
+    def height(poses: Array) -> Array:
+        return np.asarray(sign * poses[:, row_up, 3])
+
     curves, ends = [], []
     if report.truth:
         pair = next(iter(pairs.values()), None)
         if pair:
-            curves.append(_band(pair.along, pair.reference[:, up, 3], name))
+            curves.append(_band(pair.along, height(pair.reference), name))
     for row in report.rows:
         if row.label not in pairs:
             continue
         pair = pairs[row.label]
-        z = _from_same_start(pair)[:, up, 3]
+        z = height(_from_same_start(pair))
         curves.append(Curve(pair.along, z, row.label, report.colours[row.label]))
-        ends.append(f"{row.label} ends {z[-1] - pair.reference[-1, up, 3]:+.3f} m from the reference")
+        ends.append(f"{row.label} ends {z[-1] - height(pair.reference)[-1]:+.3f} m from the reference")
     return Chart(
         "height",
         "Height profile",
@@ -149,7 +153,7 @@ def _height(report: Report, pairs: dict[str, Pairs]) -> Chart:
         "front is seen by a few rings only.",
         "; ".join(ends),
         next(iter(pairs.values())).along_title,
-        [Panel("height z [m]" if up == 2 else "y, down [m]", curves)],
+        [Panel("height [m]", curves)],
     )
 
 

@@ -92,9 +92,9 @@ def _compare_trajectories(
 
     labels = [source.label for source in labelled([source_of(path) for path in paths])]
     folder = out or Path("runs") / f"{'-'.join(re.sub('[^A-Za-z0-9._]+', '-', label) for label in labels[:3])}-compared"
-    comparison, title = compared(paths, folder, reference, sequence, truth_topic, calib)
+    comparison, title = compared(paths, folder, reference, sequence, truth_topic, calib, command_line())
     print(f"{title}\n\n{format_comparison(comparison)}")
-    print(f"{folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")
+    print_written(folder)
 
 
 def print_comparison(comparison: Comparison, title: str, folder: Path, rows: Iterable[str]) -> None:
@@ -106,5 +106,10 @@ def print_comparison(comparison: Comparison, title: str, folder: Path, rows: Ite
     files = "map.pcd, map.png, trajectory_tum.txt (and _kitti), trajectory.png, loops.csv, metrics.json"
     for row in rows:
         print(f"{folder / row}: {files}")
+    print_written(folder)
+
+
+def print_written(folder: Path) -> None:
+    """Print the files of the comparison itself."""
     print(f"{folder / 'compare.json'}, {folder / 'compare.md'}: the tables above")
     print(f"{folder / 'report.html'}: everything in one page, for a browser")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from slam.data.dataset import Dataset, DatasetOptions
 
 LIDARS = ", ".join(SENSORS.names())
-PANEL = "How the data set is read"
+PANEL = "Reading of the data set"
 TIME_UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
 
@@ -58,18 +58,18 @@ class DataOptions:
         str | None, _option("Columns of .bin and .npy scans, if not x,y,z,intensity: x,y,z,intensity,ring,t:u4")
     ] = None
     topic: Annotated[
-        str | None, _option("Of a recording: the scans' topic. Default: the one with times, rings, most points.")
+        str | None, _option("Recordings only: topic of the scans. Default: one with times, rings, most points.")
     ] = None
     image_topic: Annotated[
-        str | None, _option("Of a recording: the images' topic. Default: one with a CameraInfo.")
+        str | None, _option("Recordings only: topic of the images. Default: one with a CameraInfo.")
     ] = None
     truth_topic: Annotated[
-        str | None, _option("Of a recording: the true poses' topic. Default: one that is called truth.")
+        str | None, _option("Recordings only: topic of the true poses. Default: one that is called truth.")
     ] = None
-    start: Annotated[
-        str | None, _option("Of a recording: leave out so much at its start, as in 120s or 2m.", "TIME")
-    ] = None
-    duration: Annotated[str | None, _option("Of a recording: only so much of it, as in 60s.", "TIME")] = None
+    start: Annotated[str | None, _option("Recordings only: time skipped at the start, such as 120s or 2m.", "TIME")] = (
+        None
+    )
+    duration: Annotated[str | None, _option("Recordings only: time that is used, such as 60s.", "TIME")] = None
 
     def opened(self, path: Path) -> Dataset:
         """Open the data set at a path.
@@ -123,7 +123,7 @@ def with_data_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _seconds(text: str | None, option: str) -> float | None:
-    """A time like 120s, 2m or 1.5h in seconds. Raises InputError on anything else."""
+    """Convert a time such as 120s, 2m or 1.5h to seconds. Raises InputError if the text is not a time."""
     if text is None:
         return None
     found = re.fullmatch(r"([0-9]+\.?[0-9]*|\.[0-9]+) ?([a-z]*)", text.strip())

@@ -62,6 +62,7 @@ def page(info: Info) -> str:
     }
     lines = [f"{info.name}  ({info.path})", ""]
     lines += [line for label, value in rows.items() if value for line in _row(label, value)]
+    lines += _topics(info)
     if info.problems:
         lines += ["", "Problems and assumptions:"]
         for kind, count, message in info.problems:
@@ -69,6 +70,22 @@ def page(info: Info) -> str:
             lines += _wrapped(f"{kind}{f' ({count} times)' if count > 1 else ''}: {text}", "  - ", "    ")
     lines += ["", "To run SLAM:", *(f"  {command}" for command in info.commands)]
     return "\n".join(lines)
+
+
+def _topics(info: Info) -> list[str]:
+    """A table of a recording's topics."""
+    if not info.topics:
+        return []
+    kinds = [topic.type.rpartition("/msg/")[2] for topic in info.topics]
+    widths = max(len(topic.name) for topic in info.topics), max(map(len, kinds))
+    lines = ["", "Topics:"]
+    for topic, kind in zip(info.topics, kinds, strict=True):
+        gap = f"longest gap {topic.longest_gap_s:.3g} s" if topic.longest_gap_s else ""
+        notes = ", ".join(note for note in (topic.use, gap) if note)
+        rate = f"{topic.rate_hz:.3g} Hz" if topic.rate_hz else ""
+        line = f"  {topic.name:{widths[0]}}  {kind:{widths[1]}}  {topic.messages:8,}  {rate:8}  {notes}"
+        lines.append(line.rstrip())
+    return lines
 
 
 def _points(info: Info) -> str:
@@ -106,7 +123,9 @@ def _camera(info: Info) -> str:
     if not info.images:
         return "calibrated, but no images" if info.calibrated else "none"
     size = f" of {info.image_size[0]} x {info.image_size[1]} pixels" if info.image_size else ""
-    return f"images{size} for {info.images} of {info.scans} scans, {'' if info.calibrated else 'not '}calibrated"
+    more = f"; {info.cameras - 1} more" if info.cameras > 1 else ""
+    calibrated = "" if info.calibrated else "not "
+    return f"images{size} for {info.images} of {info.scans} scans, {calibrated}calibrated{more}"
 
 
 def _several(path: Path, names: list[str]) -> str:

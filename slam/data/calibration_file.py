@@ -21,10 +21,19 @@ LEAST_TANGENTIAL = 0.02  # lenses that are off centre have p1 and p2 of some tho
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera of a user's drive, and the folder of its images: None for the usual one."""
+    """A camera of a user's sequence.
+
+    Attributes:
+        calibration: Its calibration.
+        images: Folder of its images, None for the usual one.
+        name: Its name in the file, '' for a single camera.
+        said: Where its images are, as the file says it; '' if it does not.
+    """
 
     calibration: Calibration
     images: Path | None = None
+    name: str = ""
+    said: str = ""
 
 
 def read_cameras(path: Path) -> list[Camera]:
@@ -53,7 +62,7 @@ def read_cameras(path: Path) -> list[Camera]:
         where = f"cameras.{name}."
         keys = checked_mapping(path, keys, (*KEYS, "images"), where)
         folder = path.parent / str(keys.get("images", f"images/{name}"))
-        found.append(Camera(_calibration(path, keys, where), folder))
+        found.append(Camera(_calibration(path, keys, where), folder, str(name), str(keys.get("images", ""))))
     return sorted(found, key=lambda camera: -camera.calibration.T_camera_lidar[2, 0])  # the axis' share of x
 
 
@@ -71,22 +80,34 @@ def _calibration(path: Path, content: dict[str, Any], where: str = "") -> Calibr
         raise InputError(f"{path}: '{where}T_camera_lidar' must be a rotation and a translation over the row 0 0 0 1")
     distortion = numbers(path, f"{where}distortion", content.get("distortion") or [], (-1,))
     fisheye = _is_fisheye(path, content.get("model"), distortion)
-    allowed = (0, 4) if fisheye else (0, 4, 5, 8, 12, 14)
-    if len(distortion) not in allowed:
-        models = "OpenCV's fisheye model has 4" if fisheye else "OpenCV's models have 4, 5, 8, 12 or 14"
-        raise InputError(f"{path}: {len(distortion)} distortion coefficients; {models}")
+    if fault := coefficients_fault(len(distortion), fisheye):
+        raise InputError(f"{path}: {fault}")
     return Calibration(K, T, tuple(distortion.tolist()), fisheye=fisheye)
+
+
+def coefficients_fault(count: int, fisheye: bool) -> str:
+    """Say what is wrong with the number of distortion coefficients of a model, '' if nothing is."""
+    if count in ((0, 4) if fisheye else (0, 4, 5, 8, 12, 14)):
+        return ""
+    models = "OpenCV's fisheye model has 4" if fisheye else "OpenCV's models have 4, 5, 8, 12 or 14"
+    return f"{count} distortion coefficients; {models}"
 
 
 def _is_fisheye(path: Path, model: object, distortion: Array) -> bool:
     """Raises InputError where the model is unknown, or the coefficients may not be those of a pinhole camera."""
-    name = None if model is None else str(model).lower().replace("-", "_").replace(" ", "_")
-    if name is not None and name not in PINHOLE + FISHEYE:
+    fisheye = None if model is None else is_fisheye_model(str(model))
+    if model is not None and fisheye is None:
         known = ", ".join(PINHOLE + FISHEYE)
         raise InputError(
             f"{path}: unknown model '{model}'; known: {known}; else rectify the images, and give the new K"
         )
-    if name is None and len(distortion) == 4 and np.abs(distortion[2:]).max() > LEAST_TANGENTIAL:
+    if model is None and len(distortion) == 4 and np.abs(distortion[2:]).max() > LEAST_TANGENTIAL:
         fault = f"'distortion' may be k1 k2 k3 k4 of a fisheye lens, for {distortion[2]:g} {distortion[3]:g} is much"
         raise InputError(f"{path}: {fault} for p1 p2; say model: pinhole, or model: fisheye")
-    return name in FISHEYE
+    return bool(fisheye)
+
+
+def is_fisheye_model(name: str) -> bool | None:
+    """Return whether a model of lenses is the fisheye model, not the pinhole model; None for an unknown name."""
+    plain = name.lower().replace("-", "_").replace(" ", "_")
+    return plain in FISHEYE if plain in PINHOLE + FISHEYE else None

@@ -152,5 +152,5 @@ class Frame:
 
     @property
     def image_readers(self) -> tuple[ImageReader, ...]:
-        """What reads the images of all cameras."""
+        """Return the functions that read the images of all cameras."""
         return (self.read_image, *(view.read_image for view in self.others))

@@ -37,7 +37,7 @@ class Conventions:
     quaternion: str | None = None
 
     def over(self, others: Conventions) -> Conventions:
-        """What `others` say, and this where they say nothing."""
+        """Return the conventions of `others`, and these where `others` have none."""
         known = {field.name: value for field in fields(others) if (value := getattr(others, field.name)) is not None}
         return replace(self, **known)
 

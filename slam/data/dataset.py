@@ -25,7 +25,7 @@ class Dataset(Protocol):
     - `scan_period`: the usual time between scans [s], and `rings`: the number of rings counted in the files, where
       these say more than the properties below;
     - `points(position)`: a scan as its file contains it;
-    - `images`: the file of each scan's image, or None;
+    - `images`: the file of each scan's image, or the number of its message, or None;
     - `folders`: the folders that are read;
     - `truth_readings`: the readings of an ambiguous ground truth, if the data set is a folder (see `GroundTruth`).
     """

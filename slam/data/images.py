@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,12 +22,27 @@ IMAGE_FOLDERS = ("images", "image_2")
 #: How whole files begin, and what stands within TAIL bytes of their end: PNG's last chunk, JPEG's end of image.
 MARKS = ((b"\x89PNG\r\n\x1a\n", b"IEND"), (b"\xff\xd8\xff", b"\xff\xd9"))
 TAIL = 4096
+UNKNOWN = "neither PNG nor JPEG"
 DEPTHS = (10, 12, 14, 16)  # bits that cameras put into 16
 DEPTH_AT = 24  # the byte of a PNG that has the bits of a value
 SAMPLES = 5  # images of a drive that are looked at for the bits in use
 
 
-class ImageFile:
+class ReportingReader(ABC):
+    """Reader of an image that may be damaged.
+
+    Attributes:
+        problem: What is wrong with the image, once that is known.
+    """
+
+    problem: Problem | None = None
+
+    @abstractmethod
+    def __call__(self) -> Array | None:
+        """Read the image, (H, W, 3) uint8 RGB; None for a damaged one."""
+
+
+class ImageFile(ReportingReader):
     """Reads an image, (H, W, 3) uint8 RGB as its pixels are stored, whatever orientation a tag in it asks for.
 
     It gives None for a damaged file; `problem` says so once that is known. Of 16 bits, `bits` are in use.
@@ -34,7 +50,6 @@ class ImageFile:
 
     def __init__(self, path: Path, bits: int = 0) -> None:
         self.path, self.bits = path, bits
-        self.problem: Problem | None = None
 
     def __call__(self) -> Array | None:
         """The image."""
@@ -64,10 +79,15 @@ class ImageFile:
                 tail = file.read()
         except OSError as error:
             return f"cannot be read ({error.strerror or error})"
-        for begin, end in MARKS:
-            if head.startswith(begin):
-                return None if end in tail else "cut short"
-        return "neither PNG nor JPEG" if head else "nothing in it"
+        return fault_of(head, tail)
+
+
+def fault_of(head: bytes, tail: bytes) -> str | None:
+    """What is wrong with a PNG or JPEG by its first bytes and its last `TAIL` bytes, None if nothing is."""
+    for begin, end in MARKS:
+        if head.startswith(begin):
+            return None if end in tail else "cut short"
+    return UNKNOWN if head else "nothing in it"
 
 
 def no_image() -> Array | None:
@@ -85,7 +105,7 @@ def image_problems(image: ImageFile | None, number: int, folder: Path) -> tuple[
 
 def found_in_reading(frame: Frame) -> tuple[Problem, ...]:
     """What was wrong with a frame's images when they were read, beyond what the frame's own problems say."""
-    readers = (reader for reader in frame.image_readers if isinstance(reader, ImageFile))
+    readers = (reader for reader in frame.image_readers if isinstance(reader, ReportingReader))
     found = (reader.problem for reader in readers)
     return tuple(problem for problem in found if problem is not None and problem not in frame.problems)
 

@@ -78,7 +78,7 @@ def distance(a: Array, b: Array) -> tuple[float, float]:
 def levelled_submap(clouds: Sequence[Array], poses: Array, travelled: Array, length: float) -> Array:
     """Join the clouds of the last keyframe and of those up to `length` before it.
 
-    The submap is levelled because a tilt raises points ahead and would lower the same points on the way back.
+    The submap is levelled because a tilt raises points ahead and would lower the same points in the reverse direction.
 
     Args:
         clouds: Points (Nk, 3) float32 of each keyframe, in its own frame.

@@ -1,4 +1,4 @@
-"""What the drivers of LiDARs make of a scan: their fields, in their units and order, from their instant on.
+"""Point fields of LiDAR drivers: names, units and order, and the instant that times refer to.
 
 Field names, types and offsets are those of the drivers for ROS: velodyne_pointcloud's PointXYZIRT, ouster_ros's
 original type, HesaiLidar_ROS, rslidar_sdk's XYZIRT, livox_ros_driver2's CustomMsg.
@@ -85,7 +85,7 @@ class Driver:
     dense: bool = True
 
     def stamp_or(self, said: str | None, name: str) -> str:
-        """The instant that is said, or else the driver's own. Raises InputError where that cannot be."""
+        """Return the stamp's instant: `said`, or the driver's own. Raises InputError if it has another."""
         if said not in (None, self.stamp) and self.fixed:
             raise InputError(f"--stamp {said}: the driver {name} stamps the {self.stamp} of a sweep; leave it out")
         return said or self.stamp

@@ -251,7 +251,7 @@ def _driven(name: str, path: Array, spacing: float | None, tunnel: tuple[float, 
     """A car that slows down before curves and speeds up after them."""
     yaw = np.unwrap(np.arctan2(np.gradient(path[:, 1]), np.gradient(path[:, 0])))
     speed = np.minimum(TOP_SPEED, np.sqrt(SIDEWAYS * SAMPLE_SPACING / np.maximum(np.abs(np.gradient(yaw)), 1e-6)))
-    for limited in (speed, speed[::-1]):  # no sudden starts, and the other way round no sudden stops
+    for limited in (speed, speed[::-1]):  # no sudden starts and, in reverse order, no sudden stops
         for index in range(1, len(limited)):
             limited[index] = min(limited[index], np.sqrt(limited[index - 1] ** 2 + 2 * ALONG * SAMPLE_SPACING))
     time = np.concatenate([[0.0], np.cumsum(SAMPLE_SPACING / speed[:-1])])
@@ -261,7 +261,7 @@ def _driven(name: str, path: Array, spacing: float | None, tunnel: tuple[float, 
 
 
 def _along(name: str, path: Array, stamps: Array, way: Array, spacing: float | None, **about: Any) -> Drive:
-    """The drive that has come `way` (N,) metres along the path at each stamp; `about` it: other fields of Drive."""
+    """Create the drive with travelled distance `way` (N,) [m] along the path at each stamp; `about`: other fields."""
     samples = SAMPLE_SPACING * np.arange(len(path))
     heading = np.unwrap(np.arctan2(np.gradient(path[:, 1]), np.gradient(path[:, 0])))
     position = np.column_stack([*(np.interp(way, samples, path[:, axis]) for axis in (0, 1)), np.zeros(len(way))])

@@ -1,4 +1,4 @@
-"""What an IMU and a GNSS receiver of the ordinary kind measure along a drive."""
+"""Measurements of an ordinary IMU and GNSS receiver along a drive."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Fixes:
 
 
 def motion_along(stamps: Array, poses: Array, rng: np.random.Generator, rate: float = IMU_RATE) -> Motion:
-    """Of an IMU whose poses (M, 4, 4) T_world_imu at `stamps` (M,) [s] are known, smoothly between them."""
+    """Simulate an IMU whose poses (M, 4, 4) T_world_imu at `stamps` (M,) [s] are known, smoothly between them."""
     at = np.arange(stamps[0], stamps[-1], 1 / rate)
     turning = RotationSpline(stamps, Rotation.from_matrix(poses[:, :3, :3]))
     acceleration = CubicSpline(stamps, poses[:, :3, 3])(at, 2)
@@ -68,7 +68,7 @@ def _drifting(count: int, rate: float, noise: float, bias: float, walk: float, r
 
 
 def fixes_along(stamps: Array, poses: Array, rng: np.random.Generator, rate: float = FIX_RATE) -> Fixes:
-    """Of a receiver at poses (M, 4, 4) at `stamps` (M,) [s]; the world's x points east."""
+    """Simulate a receiver at poses (M, 4, 4) at `stamps` (M,) [s]; the world's x points east."""
     at = np.arange(stamps[0], stamps[-1], 1 / rate)
     place = CubicSpline(stamps, poses[:, :3, 3])(at) + FIX_SIGMA * rng.standard_normal((len(at), 3))
     latitude = ORIGIN[0] + np.rad2deg(place[:, 1] / EARTH)

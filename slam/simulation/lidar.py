@@ -19,7 +19,7 @@ from slam.simulation.world import World
 GAP = 0.1  # of a column, between two rings of a file: the first and last points of a ring stay on their side of +x
 ROOF = 1.73  # m above the road
 FALL = 1.4  # how steeply the chance of an echo falls with its power
-WEAK = 3.0  # so much wider is the error of the weakest echoes
+WEAK = 3.0  # ratio of the weakest echoes' range error to that of strong ones
 EDGE, MIXED = (0.2, 3.0), 0.3  # m between two surfaces, and the share of the pulses between them that see both
 GRAZING = 0.15  # power of the cosine of incidence that reported reflectances fall by
 FADING, FADING_FROM = 0.008, 20.0  # 1/m, from that range on: reported reflectances fall with range
@@ -167,7 +167,7 @@ def _echo_chance(pulses: _Pulses, head: Head) -> Array:
 
 
 def _mixed(reach: Array, mixing: Array, between: Array) -> Array:
-    """Some of the pulses at an edge see it and what is beside it, and report a range between the two."""
+    """Let some of the pulses at an edge, which hit it and the background, report a range between the two."""
     beside = np.roll(reach, -1, axis=1)
     found = np.isfinite(reach) & np.isfinite(beside) & (mixing < MIXED)
     gap = np.subtract(beside, reach, where=found, out=np.zeros_like(reach))
@@ -176,7 +176,7 @@ def _mixed(reach: Array, mixing: Array, between: Array) -> Array:
 
 
 def _hidden(head: Head, azimuth: Array) -> Array:
-    """(R, C) bool: does the car that carries the sensor stand in the way?"""
+    """(R, C) bool: whether the car that carries the sensor occludes the ray."""
     hidden = np.zeros(azimuth.shape, bool)
     for first, last, start, end in head.hidden:
         rings = slice(first, last + 1)
@@ -201,5 +201,5 @@ def _reflectance(pulses: _Pulses, seen: Array) -> Array:
 
 
 def _rounded(values: Array, steps: int) -> Array:
-    """To so many steps a unit, float32."""
+    """Round to a number of steps per unit, float32."""
     return np.round(values * np.float32(steps)) / np.float32(steps)

@@ -138,7 +138,7 @@ class RecordedLayout:
                 yield stamp + DELAYS["image"], _image_writer(path, _nanoseconds(stamp))
 
     def _motion(self, rig: Rig, count: int) -> Iterator[Event]:
-        """What IMU and GNSS measure."""
+        """Write the measurements of IMU and GNSS."""
         middles, rng = (np.arange(count) + 0.5) * self._period, np.random.default_rng([self._seed, 11])
         if count < 4:  # too few for accelerations
             return

@@ -20,7 +20,10 @@ from slam.simulation.world import StandingWorld, World
 LIDAR_HEIGHT = 1.73  # metres above the ground, as on KITTI's car
 #: T_camera0_lidar of a level LiDAR: the camera looks ahead from 8 cm below and 27 cm before it, much as KITTI's does.
 TR = np.array([[0, -1, 0, 0.0], [0, 0, -1, -0.08], [1, 0, 0, -0.27], [0, 0, 0, 1.0]])
-BLOCK, RADIUS = 30.0, 115.0  # metres of the way that share one standing world, and what it holds around them
+BLOCK, RADIUS = (
+    30.0,
+    115.0,
+)  # metres of the path that share the static objects of one block, and the radius of the block
 PARTS = 12  # of a sweep along a path that is known between the frames: at 10 Hz, 8 ms each
 
 

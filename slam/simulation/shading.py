@@ -31,7 +31,7 @@ def _smooth(t):
 
 @njit(inline="always")
 def _squared(value, times):
-    """Squared so many times: its 2nd, 4th, 8th .. power."""
+    """Square a number of times: the 2nd, 4th, 8th .. power."""
     for _ in range(times):
         value *= value
     return value
@@ -51,7 +51,7 @@ def _random(h):
 
 @njit(inline="always")
 def _between(left, below, above, a, b):
-    """0..65535: between the random values of four lattice points; the right ones lie one beside the left."""
+    """0..65535: interpolated between the random values of four lattice points; the right ones follow the left ones."""
     right = left + _I
     low, high = _random(left ^ below), _random(left ^ above)
     low += a * (_random(right ^ below) - low)
@@ -437,7 +437,7 @@ def _shade_mirrors(
 
 @njit(fastmath=True, error_model="numpy")
 def _shade_air(light, start, rays, reach, air, haze, points):
-    """Takes some of the light away on its way to the camera and adds that of the air."""
+    """Attenuates the light between surface and camera and adds that of the air."""
     far = points[_OUT]
     for column in range(light.shape[1]):
         thick = haze * np.float64(reach[start + column]) * _towards(start + column, rays)[3]

@@ -36,7 +36,7 @@ from slam.simulation.rig import Mount, Rig
 from slam.simulation.scene import SCENES
 
 FORMATS = ("kitti", "folder", *FORMS)
-FEW = 8  # so many frames are written before other processes have started
+FEW = 8  # frames that are written before other processes have started
 MOST = 4  # processes: each holds a town
 
 

@@ -1,4 +1,4 @@
-"""What is done to drives on literal ones, and a small run."""
+"""Disturbances of small literal sequences, and a small run."""
 
 from __future__ import annotations
 
@@ -83,9 +83,9 @@ def test_the_page_says_what_was_met() -> None:
     told = page({"about": surroundings(()) | {"command": "none", "note": "In two parts."}, **found})
     assert "```\n\nIn two parts.\n\nOur odometry" in told
     for line in (
-        "| from the undisturbed run where the clock jumps [m] | 0.500 | <= 0.02 | 1 of 2 | missed |",
-        "| error by KISS-ICP's, every 2nd and 3rd frame | 2.000 | <= 1 | 0 of 1 | missed |",
-        "| error by that of the sizes as they are | 2.000 | <= 1.5 | 0 of 1 | missed |",
+        "| distance to the undisturbed run, clock jumps [m] | 0.500 | <= 0.02 | 1 of 2 | missed |",
+        "| error relative to KISS-ICP, every 2nd and 3rd frame | 2.000 | <= 1 | 0 of 1 | missed |",
+        "| error relative to that with the default sizes | 2.000 | <= 1.5 | 0 of 1 | missed |",
         "| street | 16 | +37 | 0.5000 | 0 | 2 | missed |",
         "| street | 16 | 2 | 0.1000 | - | - | 0 | 2 | - |",
     ):

@@ -1,4 +1,4 @@
-"""What a scene holds along the road, what the odometry says of it, and the page of that."""
+"""Structure of scenes along the road, reports of the odometry, and the page."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_directions_that_are_named() -> None:
 
 def test_figures_by_kind_of_frame() -> None:
     truth, poses = straight(12), straight(12)
-    poses[6:, 0, 3] += 0.5  # frame 6 jumps ahead, and says so; frame 9 does not say so
+    poses[6:, 0, 3] += 0.5  # frame 6 jumps ahead and is degenerate; frame 9 jumps unreported
     poses[9:, 0, 3] += 0.5
     statuses = ["registered"] * 12
     statuses[6] = statuses[7] = "degenerate"
@@ -91,10 +91,10 @@ def test_the_page_says_what_was_met() -> None:
     found = {"tunnel": {"full": entry, "lift": {"reason": "no images"}}, "bridge": {"full": bridge}}
     told = page({"about": surroundings(()) | {"command": "none"}, **found})
     for line in (
-        "| told where nothing holds, tunnel, full [share] | 0.90 | >= 0.95 | missed |",
-        "| told where it is off, all repeating, bridge, full [share] | 0.75 | >= 0.95 | missed |",
-        "| told elsewhere, most of all drives [share] | 0.000 | <= 0.01 | met |",
-        "| NEES along an axis, most of all drives | 4.00 | <= 3.0 | missed |",
+        "| reported, no structure, tunnel, full [share] | 0.90 | >= 0.95 | missed |",
+        "| reported if off, repeating structure, bridge, full [share] | 0.75 | >= 0.95 | missed |",
+        "| reported elsewhere, maximum over sequences [share] | 0.000 | <= 0.01 | met |",
+        "| NEES along an axis, maximum over sequences | 4.00 | <= 3.0 | missed |",
         "| tunnel | full | an end | 10 | 90.0 | 0.0 | 4 | 1 | - |",
         "| tunnel | full | 1.00 | 1.00 | 1.00 | 4.00 | 1.00 | 1.00 | 1.00 | missed: x |",
     ):

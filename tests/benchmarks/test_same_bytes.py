@@ -92,5 +92,5 @@ def test_a_failing_version_stops_the_comparison(
 
 
 def test_without_a_drive_it_is_an_error(version: Version, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(SystemExit, match="add --drive PATH or --simulate N"):
+    with pytest.raises(SystemExit, match="add --sequence PATH or --simulate N"):
         compare(monkeypatch, version("a"), version("b"))

@@ -126,14 +126,14 @@ def test_ranks_and_where_we_lose() -> None:
         "bridge, full: 2.00 times the time of kiss-icp.",
     ]
     assert wrong_without_knowing(FOUND, {"bridge": FACTS}) == [
-        "bridge, full, ndt: 94.0 m for 100.0, -0.5 m at the end; 37 of 40 frames called registered."
+        "bridge, full, ndt: 94.0 m for 100.0, -0.5 m at the end; 37 of 40 frames are `registered`."
     ]
     round_about = {
         "ndt": of_system(0.1, 100.0, failed_frames=0, degenerate_frames=0, along_track_m=5.5),
         "ndt-scan-to-scan": {"error": "no"},
     }
     (line,) = wrong_without_knowing({"bridge": {"16": {"reason": None, "systems": round_about}}}, {"bridge": FACTS})
-    assert line == "bridge, 16, ndt: 100.0 m for 100.0, +5.5 m at the end; 40 of 40 frames called registered."
+    assert line == "bridge, 16, ndt: 100.0 m for 100.0, +5.5 m at the end; 40 of 40 frames are `registered`."
 
 
 def test_where_all_is_well_nothing_is_lost() -> None:
@@ -165,7 +165,7 @@ def test_what_was_told_is_not_wrong_without_knowing() -> None:
 def test_the_error_that_was_told_is_told_apart() -> None:
     truth = positions(*((float(x), 0) for x in range(6)))
     poses = truth.copy()
-    poses[3:, 0, 3] -= 1.0  # it stands still in frame 3, and says so
+    poses[3:, 0, 3] -= 1.0  # it stands still in frame 3, and reports it
     run = Run(poses=list(poses), statuses=["registered"] * 3 + ["degenerate"] + ["registered"] * 2)
     found = scenes.along(run, truth, np.arange(6))
     assert found["along_track_m"] == pytest.approx(-1.0)
@@ -184,7 +184,7 @@ def test_the_page_has_the_ate_of_an_earlier_run_on_as_many_frames(tmp_path: Path
     about = surroundings(()) | {"command": "", "datasets": {"bridge": FACTS}, "uncounted": 5}
     about["before"] = scenes.before(file)
     told = page({"about": about, **FOUND})
-    assert "| drive | input | nearest | ATE m | ndt m | before m | times | rank |" in told
+    assert "| sequence | input | nearest | ATE m | ndt m | before m | times | rank |" in told
     assert "as it was on 2026-01-02" in told
     assert "| bridge | full | vgicp | 0.200 | 0.300 | 0.900 | 1.50 | 2 of 3 |" in told
     about["datasets"] = {"bridge": FACTS | {"frames": 30}}
@@ -204,7 +204,7 @@ def test_recorded_drives_are_ranked_by_the_dense_trajectory_too() -> None:
                "ndt-scan-to-scan": {"error": "no"}, "kiss-icp": of_system(0.2, 100.0, dense_m=0.01)}  # fmt: skip
     about = surroundings(()) | {"command": "", "datasets": {"04": FACTS}, "uncounted": 5}
     told = page({"about": about, "04": {"full": {"reason": None, "systems": systems}}})
-    assert "| drive | input | nearest | to dense m | ndt m | times | rank |" in told
+    assert "| sequence | input | nearest | to dense m | ndt m | times | rank |" in told
     assert "| 04 | full | kiss-icp | 0.010 | 0.020 | 2.00 | 2 of 2 |" in told
 
 

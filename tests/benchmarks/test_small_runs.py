@@ -1,4 +1,4 @@
-"""What the scripts measure, on drives of a few frames."""
+"""Measurements of the scripts on sequences of a few frames."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def test_onnx_agrees_with_torch(name: str) -> None:
 
 
 def test_lift_onnx_agrees_with_torch() -> None:
-    """Of the ray segments' own candidates, for want of a scan."""
+    """Candidates of ray segments, in place of a scan."""
     generator = torch.Generator().manual_seed(0)
     rays = torch.rand(1, RAYS, 45, 96, generator=generator)
     candidates = 5 + 40 * torch.rand(1, CANDIDATES, 45, 96, generator=generator)

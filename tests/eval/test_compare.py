@@ -1,4 +1,4 @@
-"""Run folders beside each other."""
+"""Comparison of run folders."""
 
 import json
 

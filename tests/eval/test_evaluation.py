@@ -191,7 +191,7 @@ def test_covariances_of_another_run_are_an_error(write, tmp_path, lines):
 
 
 def test_metrics_json_keeps_its_keys(write, tmp_path):
-    """What others read: a run's files are a contract."""
+    """Other programs read the files of a run: they are a contract."""
     for name in ("trajectory_tum.txt", "odometry_tum.txt", "ground_truth_tum.txt"):
         write(name, drive(), stamps())
     evaluate_run(tmp_path)

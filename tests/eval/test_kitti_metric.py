@@ -1,4 +1,4 @@
-"""The devkit metric on drives whose drift can be computed by hand."""
+"""The devkit metric on trajectories whose drift can be computed by hand."""
 
 import numpy as np
 import pytest
@@ -11,14 +11,14 @@ from slam.data import se3
 
 
 def straight(metres, step=1.0, scale=1.0):
-    """A drive along x with a pose every `step` metres."""
+    """A trajectory along x with a pose every `step` metres."""
     poses = np.tile(np.eye(4), (round(metres / step) + 1, 1, 1))
     poses[:, 0, 3] = scale * step * np.arange(len(poses))
     return poses
 
 
 def town(metres):
-    """A drive with bends to both sides and hills, a pose every metre."""
+    """A trajectory with bends to both sides and hills, a pose every metre."""
     poses = [np.eye(4)]
     for k in range(metres):
         poses.append(poses[-1] @ se3.exp(np.array([0, 0.01 * np.cos(k / 9), 0.05 * np.sin(k / 20), 1, 0, 0])))

@@ -1,4 +1,4 @@
-"""The picture: written whole, at a sensible size, also for drives that go nowhere."""
+"""The picture: written whole, at a sensible size, also for sequences without motion."""
 
 import cv2
 import numpy as np

@@ -25,7 +25,7 @@ def metrics():
 
 
 def evo_statistics(home, *arguments):
-    """What evo's command prints, in a home of its own (it writes its settings there)."""
+    """Return the output of evo's command, run with a temporary home (it writes its settings there)."""
     command = shutil.which(arguments[0], path=str(Path(sys.executable).parent)) or shutil.which(arguments[0])
     assert command, f"{arguments[0]} is not installed"
     environment = os.environ | {"HOME": str(home), "MPLCONFIGDIR": str(home), "MPLBACKEND": "Agg"}

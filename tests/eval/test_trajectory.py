@@ -21,7 +21,7 @@ def poses_at(*positions):
 
 
 def winding(count=30):
-    """A drive that turns and climbs, so that every rotation shows."""
+    """A trajectory that turns and climbs, so that every rotation has an effect."""
     step = se3.exp(np.array([0.02, -0.01, 0.1, 1.0, 0.1, 0.05]))
     poses = [np.eye(4)]
     for _ in range(count - 1):

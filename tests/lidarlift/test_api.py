@@ -1,4 +1,4 @@
-"""What `import lidarlift` gives."""
+"""The Python API, `import lidarlift`."""
 
 from __future__ import annotations
 

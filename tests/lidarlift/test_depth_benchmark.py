@@ -19,7 +19,7 @@ from slam.data.errors import InputError
 
 
 class AlwaysTenMetres:
-    """Of every ray; it learned three numbers."""
+    """A method with three parameters that predicts the range of every ray."""
 
     parameters = 3
 

@@ -62,7 +62,7 @@ def test_a_pipeline_gives_the_same_bytes_each_time(
 
 
 def ring_drive(folder: Path, rings: int) -> UserFolder:
-    """Two scans with a ring field, counted from the bottom, of a LiDAR that nobody names."""
+    """Two scans with a ring field, counted from the bottom, of an unknown LiDAR."""
     ring = np.tile(np.arange(rings), 60)
     azimuth, elevation = np.repeat(np.arange(60) * np.pi / 30, rings), np.linspace(-0.4, 0.3, rings)[ring]
     points = np.zeros(len(ring), [("x", "f4"), ("y", "f4"), ("z", "f4"), ("ring", "u2")])

@@ -20,7 +20,7 @@ from slam.data.errors import InputError
 
 @dataclass(frozen=True)
 class Number:
-    """Of the frame, as its figure."""
+    """Return the number of the frame as its figure."""
 
     number: float
 

@@ -50,32 +50,58 @@ def cloud_topic(recording: Recording, said: str | None) -> tuple[Topic, tuple[Pr
     return best, _several(recording, known, best, "point clouds", "--topic")
 
 
-def image_topic(recording: Recording, said: str | None) -> tuple[Topic | None, tuple[Problem, ...]]:
-    """The topic with the images: the one that is said, else of those with a CameraInfo beside them the one with most
-    images. None where there are none.
+def camera_topics(recording: Recording, said: str | None) -> tuple[list[Topic], tuple[Problem, ...]]:
+    """Return a topic with images for each camera, that with most images first.
+
+    Topics of one name space, or of one frame, are of one camera: those with a CameraInfo, uncompressed, and with most
+    images are preferred.
+
+    Args:
+        recording: The recording.
+        said: The only topic that is used, None for all.
 
     Raises:
-        InputError: There is none of the name that is said.
+        InputError: There is no topic with images of the name that is said.
     """
     known = recording.of_type(IMAGE, COMPRESSED)
     if said is not None:
-        return _named(recording, said, known, "--image-topic", "images"), ()
-    known = [topic for topic in known if not NOT_COLOUR.search(topic.name)]
-    if not known:
-        return None, ()
-    values = {
-        topic.name: (info_topic(recording, topic.name) is not None, topic.type == IMAGE, topic.count) for topic in known
-    }
-    best = max(known, key=lambda topic: values[topic.name])
-    others = [topic for topic in known if _camera(topic.name) != _camera(best.name)]
-    return best, _several(recording, [best, *others], best, "images", "--image-topic")
+        return [_named(recording, said, known, "--image-topic", "images")], ()
+    cameras: list[list[Topic]] = []
+    for topic in known:
+        if NOT_COLOUR.search(topic.name):
+            continue
+        same = (camera for camera in cameras if any(_same_camera(recording, topic, other) for other in camera))
+        if (camera := next(same, None)) is None:
+            cameras.append([topic])
+        else:
+            camera.append(topic)
+    infos = {camera_space(topic.name) for topic in recording.of_type(CAMERA_INFO)}
+    values = {topic: (camera_space(topic.name) in infos, topic.type == IMAGE, topic.count) for topic in known}
+    chosen, problems = list[Topic](), tuple[Problem, ...]()
+    for camera in cameras:
+        best = max(camera, key=lambda topic: values[topic])
+        others = [topic for topic in camera if camera_space(topic.name) != camera_space(best.name)]
+        problems += _several(recording, [best, *others], best, "images of one camera", "--image-topic")
+        chosen.append(best)
+    return sorted(chosen, key=lambda topic: (values[topic][0], topic.count), reverse=True), problems
 
 
-def info_topic(recording: Recording, images: str) -> Topic | None:
-    """The CameraInfo of a topic with images: beside it, as ROS has it, or the only one there is."""
+def _same_camera(recording: Recording, topic: Topic, other: Topic) -> bool:
+    if camera_space(topic.name) == camera_space(other.name):
+        return True
+    headers = (recording.header(each.name, 0) for each in (topic, other))
+    frames = [header.frame if header else "" for header in headers]
+    return bool(frames[0]) and frames[0] == frames[1]
+
+
+def info_topic(recording: Recording, images: Topic, only: bool) -> Topic | None:
+    """Return the CameraInfo of a topic with images: in its name space, of its frame, or the only one of an `only`
+    camera."""
     infos = recording.of_type(CAMERA_INFO)
-    beside = [topic for topic in infos if topic.name.rpartition("/")[0] == _camera(images)]
-    return beside[0] if beside else infos[0] if len(infos) == 1 else None
+    inside = [topic for topic in infos if camera_space(topic.name) == camera_space(images.name)]
+    framed = [topic for topic in infos if _same_camera(recording, topic, images)]
+    found = [*inside, *framed, *(infos if only and len(infos) == 1 else ())]
+    return found[0] if found else None
 
 
 def truth_topic(recording: Recording, said: str | None) -> tuple[Topic | None, tuple[Problem, ...]]:
@@ -117,9 +143,9 @@ def is_rectified(images: str) -> bool:
     return "rect" in TRANSPORT.sub("", images).rpartition("/")[2]
 
 
-def _camera(images: str) -> str:
-    """The name space of a camera by its topic of images."""
-    return TRANSPORT.sub("", images).rpartition("/")[0]
+def camera_space(topic: str) -> str:
+    """Return the name space of a camera by one of its topics."""
+    return TRANSPORT.sub("", topic).rpartition("/")[0]
 
 
 def _named(recording: Recording, said: str, known: Sequence[Topic], option: str, what: str) -> Topic:

@@ -40,16 +40,28 @@ class Channel(NamedTuple):
 
 
 class Series:
-    """The messages of a channel: how many, from when to when, and where each is if anybody wants to read them."""
+    """The messages of a channel: how many, from when to when, and where each is if anybody wants to read them.
+
+    Args:
+        kept: Whether the places of the messages are kept.
+
+    Attributes:
+        count: Number of messages.
+        first: When the first was recorded [ns].
+        last: When the last was recorded [ns].
+        longest: Longest step between successive ones [ns].
+    """
 
     def __init__(self, kept: bool) -> None:
-        self.kept, self.count, self.first, self.last = kept, 0, 2**63 - 1, -(2**63)
+        self.kept, self.count, self.first, self.last, self.longest = kept, 0, 2**63 - 1, -(2**63), 0
         self._rows = array("q")
 
     def add(self, times: Array, blocks: int | Array, offsets: Array) -> None:
         """Messages at `times` (N,) [ns], in blocks, at offsets (N,) within them."""
         if len(times) == 0:
             return
+        steps = np.diff(times, prepend=self.last if self.count else times[0])
+        self.longest = max(self.longest, int(steps.max()))
         self.count += len(times)
         self.first, self.last = min(self.first, int(times.min())), max(self.last, int(times.max()))
         if self.kept:

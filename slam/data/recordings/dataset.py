@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from slam.data.calibration_file import read_cameras
-from slam.data.cloud import Array, Calibration, Frame
+from slam.data.cloud import Array, Frame, ImageReader, View
 from slam.data.errors import InputError
-from slam.data.files import SCAN_PERIOD
+from slam.data.images import no_image
 from slam.data.packets.decoders import metadata_file
-from slam.data.point_blocks import UnreadableError
 from slam.data.point_files import Points
 from slam.data.problem import Problem
-from slam.data.recordings.choice import cloud_topic, image_topic, info_topic, is_rectified, mounting_of, truth_topic
-from slam.data.recordings.clock import Stamped, clock_problems, seconds, stamped
-from slam.data.recordings.images import calibration_of, image_of
+from slam.data.recordings.cameras import RecordedCamera, Scans, find_cameras
+from slam.data.recordings.choice import cloud_topic, mounting_of, truth_topic
+from slam.data.recordings.clock import Stamped, clock_problems, seconds
+from slam.data.recordings.images import RecordedImage
 from slam.data.recordings.packets import PACKETS
 from slam.data.recordings.recording import Recording, Topic, recordings_at
 from slam.data.recordings.scans import MessageScans, PacketTopicScans, TopicScans
@@ -31,9 +28,6 @@ from slam.data.sound_points import NONE, Offset, map_frame
 from slam.data.stamps import mended, usual_step
 
 LOOKED_AT = 3 * SAMPLES  # scans at most, for as many as are needed with points
-MARGIN = 2.0  # s of images before and after the scans that are used
-
-log = logging.getLogger(__name__)
 
 
 class RecordedSequence:
@@ -112,7 +106,11 @@ class RecordedSequence:
         self._columns = self._scans.with_known_rings(columns, self.sensor)
         self.point_times, self.rings = self._columns.times, self._columns.rings
 
-        self.calibration, self._images, blind = self._camera(image_topic, clouds, mounting, folder)
+        scans = Scans(clouds, self.stamps + self._middle, (int(self._recorded[0]), int(self._recorded[1])))
+        self._cameras, blind = find_cameras(self.recording, image_topic, scans, mounting, folder)
+        self.calibration = self._cameras[0].calibration if self._cameras else None
+        for at, camera in enumerate(self._cameras, 1):
+            self.topics["images" if at == 1 else f"images {at}"] = camera.topic.name
         self.ground_truth, untrue = self._truth(truth_topic, clouds, mounting)
         told = (
             *self.recording.problems,
@@ -132,13 +130,31 @@ class RecordedSequence:
         number, stamp = int(self.numbers[position]), float(self.stamps[position])
         points = self.points(position)
         cloud, odd = self._columns.cloud(points, stamp, self._name(number))
-        problems, read = points.problems + odd, _no_image
-        if self.calibration is not None and "images" in self.topics:
-            read = self._image_reader(int(self._images[position]))
-            if self._images[position] < 0:
-                text = f"{self.path}: {self.topics['images']} has no image for scan {number}"
-                problems += (Problem("missing image", f"{text}; its points stay without colour"),)
-        return Frame(number, stamp, cloud, self.calibration, read, problems)
+        problems, views = points.problems + odd, list[View]()
+        for camera in self._cameras:
+            reader, faults = self._image(camera, position)
+            views.append(View(camera.calibration, reader))
+            problems += faults
+        if not views:
+            return Frame(number, stamp, cloud, problems=problems)
+        ahead, *others = views
+        return Frame(number, stamp, cloud, ahead.calibration, ahead.read_image, problems, tuple(others))
+
+    @property
+    def images(self) -> tuple[int | None, ...]:
+        """The number of each scan's image in the topic of the camera that looks ahead, None for none."""
+        if not self._cameras:
+            return (None,) * len(self)
+        return tuple(None if number < 0 else int(number) for number in self._cameras[0].images)
+
+    def _image(self, camera: RecordedCamera, position: int) -> tuple[ImageReader, tuple[Problem, ...]]:
+        """The reader of a camera's image of a scan, and what is wrong with the image."""
+        if camera.images[position] < 0:
+            where = f"{self.path}: {camera.topic.name} has no image for scan {self.numbers[position]}"
+            return no_image, (Problem("missing image", f"{where}; its points stay without colour"),)
+        reader = RecordedImage(self.recording, camera.topic, int(camera.images[position]))
+        problem = reader.check()
+        return reader, () if problem is None else (problem,)
 
     @property
     def _where(self) -> Path:
@@ -181,40 +197,6 @@ class RecordedSequence:
         odd = (Problem("map coordinates", f"{self._where}: {map_frame(self._offset or NONE)}"),) if moved else ()
         return found, odd
 
-    def _camera(
-        self, said: str | None, clouds: Stamped, mounting: Mounting, folder: Path
-    ) -> tuple[Calibration | None, Array, tuple[Problem, ...]]:
-        """The camera, the number of the image of each scan (N,), -1 for none, and what is wrong with them."""
-        none = np.full(len(self), -1)
-        topic, several = image_topic(self.recording, said)
-        if topic is None:
-            return None, none, ()
-        numbers = self._around(topic.name)
-        images = stamped(self.recording, topic.name, numbers)
-        found = self._calibration(topic, clouds.frame, images.frame, mounting, folder)
-        if isinstance(found, str):
-            return None, none, (Problem("no calibration", f"{self.path}: {topic.name}: {found}"),)
-        self.topics["images"] = topic.name
-        matched = _nearest(images.on(clouds), self.stamps + self._middle, usual_step(self.stamps) or SCAN_PERIOD)
-        return found, np.where(matched < 0, -1, numbers[matched]) if len(numbers) else none, several
-
-    def _calibration(
-        self, topic: Topic, lidar: str, camera: str, mounting: Mounting, folder: Path
-    ) -> Calibration | str:
-        """The camera, or why it is not used."""
-        if (folder / "calib.yaml").is_file():
-            return read_cameras(folder / "calib.yaml")[0].calibration
-        info = info_topic(self.recording, topic.name)
-        message = None if info is None else next(self.recording.messages(info.name), None)
-        remedy = "the camera is not used; give calib.yaml (K, T_camera_lidar) beside the recording"
-        if message is None:
-            return f"images, but no CameraInfo; {remedy}"
-        T = mounting.between(camera, lidar)
-        if T is None:
-            return f"no transform between its frame '{camera}' and the LiDAR's '{lidar}'; {remedy}"
-        found = calibration_of(message, is_rectified(topic.name), T)
-        return f"{found}; {remedy}" if isinstance(found, str) else found
-
     def _truth(self, said: str | None, clouds: Stamped, mounting: Mounting) -> tuple[Array | None, tuple[Problem, ...]]:
         topic, odd = truth_topic(self.recording, said)
         if topic is None:
@@ -229,42 +211,3 @@ class RecordedSequence:
         """Seconds from the stamp to when half of a scan's points were seen: an image of then shows most of them."""
         times = self.point_times
         return (times.first + times.last) / 2 if times.field else 0.0
-
-    def _around(self, topic: str) -> Array:
-        """The numbers of a topic's messages that were recorded while the scans were."""
-        times, margin = self.recording.times(topic), int(MARGIN * 1e9)
-        return np.flatnonzero((times >= self._recorded.min() - margin) & (times <= self._recorded.max() + margin))
-
-    def _image_reader(self, number: int) -> Callable[[], Array | None]:
-        """A function that reads an image (H, W, 3) uint8 RGB; it gives None without a number or for a damaged one."""
-        if number < 0:
-            return _no_image
-        topic = self.recording.topics[self.topics["images"]]
-
-        def read() -> Array | None:
-            try:
-                content, encoding = self.recording.read(topic.name, number)
-                return image_of(content, topic.type, encoding)
-            except UnreadableError as error:
-                log.warning("%s: %s, message %d: %s; this frame has none", self.path, topic.name, number, error)
-                return None
-
-        return read
-
-
-def _no_image() -> Array | None:
-    return None
-
-
-def _nearest(taken: Array, wanted: Array, period: float) -> Array:
-    """(N,) int64: of images at times (M,) the nearest to each time (N,), -1 beyond half a `period`."""
-    known = np.flatnonzero(np.isfinite(taken))
-    if len(known) == 0:
-        return np.full(len(wanted), -1)
-    known = known[np.argsort(taken[known], kind="stable")]
-    times = taken[known]
-    after = np.searchsorted(times, wanted).clip(max=len(times) - 1)
-    before = np.maximum(after - 1, 0)
-    nearest = np.where(np.abs(times[before] - wanted) <= np.abs(times[after] - wanted), before, after)
-    near = np.abs(times[nearest] - wanted) <= period / 2
-    return np.where(near, known[nearest], -1)

@@ -1,4 +1,4 @@
-"""Images and cameras in messages."""
+"""Images in messages."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from slam.data.cloud import Array, Calibration
+from slam.data.cloud import Array
+from slam.data.images import TAIL, UNKNOWN, ReportingReader, fault_of
 from slam.data.point_blocks import UnreadableError
+from slam.data.problem import Problem
 from slam.data.recordings.messages import COMPRESSED, IMAGE, read_message
+from slam.data.recordings.recording import Recording, Topic
 
-#: Distortion models of OpenCV's pinhole camera, with the coefficients that it takes.
-PINHOLE = {"plumb_bob": (4, 5), "rational_polynomial": (8, 12, 14)}
 #: Encodings of images: channels, and the conversion of OpenCV into RGB, None for none.
 ENCODINGS = {
     **{"rgb8": (3, None), "8UC3": (3, "BGR2RGB"), "bgr8": (3, "BGR2RGB"), "rgba8": (4, "RGBA2RGB")},
@@ -52,6 +53,12 @@ def _unpacked(data: Array, form: str) -> Array:
 def _converted(message: Any) -> Array:
     import cv2
 
+    pixels, conversion = _pixels(message)
+    return pixels if conversion is None else np.asarray(cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{conversion}")))
+
+
+def _pixels(message: Any) -> tuple[Array, str | None]:
+    """The pixels (H, W, C) uint8 of an Image, and their conversion into RGB."""
     name = WIDE.get(message.encoding, message.encoding)
     size = 2 if message.encoding in WIDE else 1
     if name not in ENCODINGS:
@@ -66,38 +73,46 @@ def _converted(message: Any) -> Array:
     values = data[: height * step].reshape(height, step)[:, :row]
     if size == 2:
         values = values[:, 0 if message.is_bigendian else 1 :: 2]
-    pixels = np.ascontiguousarray(values).reshape(height, width, channels)
-    return pixels if conversion is None else np.asarray(cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{conversion}")))
+    return np.ascontiguousarray(values).reshape(height, width, channels), conversion
 
 
-def camera_of(message: Any, rectified: bool) -> tuple[Array, tuple[float, ...]] | str:
-    """K (3, 3) and OpenCV's distortion of a CameraInfo; or, in words, why it cannot be used.
+class RecordedImage(ReportingReader):
+    """Reads the image of a message.
 
     Args:
-        message: The CameraInfo, of ROS 1 or 2.
-        rectified: Whether the images have been rectified, so that its P holds.
+        recording: The recording.
+        topic: A topic with images.
+        number: Number of the message in it.
     """
-    K, D, P = (np.array(_either(message, name), np.float64) for name in ("K", "D", "P"))
-    if rectified and P.size == 12 and P[0] > 0:
-        return P.reshape(3, 4)[:, :3].copy(), ()
-    if K.size != 9 or not K[0] > 0 or not K[4] > 0:
-        return "it is not calibrated, its K is 0"
-    model = message.distortion_model
-    if not D.any():
-        return K.reshape(3, 3), ()
-    if model not in PINHOLE:
-        return f"its distortion model '{model}' is not one of {', '.join(PINHOLE)}; rectify the images"
-    if len(D) not in PINHOLE[model]:
-        return f"{len(D)} coefficients of distortion, where {model} has {' or '.join(map(str, PINHOLE[model]))}"
-    return K.reshape(3, 3), tuple(D.tolist())
 
+    def __init__(self, recording: Recording, topic: Topic, number: int) -> None:
+        self._recording, self._topic, self._number = recording, topic, number
 
-def _either(message: Any, name: str) -> Any:
-    """A field that ROS 2 has in lower case."""
-    return getattr(message, name) if hasattr(message, name) else getattr(message, name.lower())
+    def __call__(self) -> Array | None:
+        """Read the image, (H, W, 3) uint8 RGB; None for a damaged one."""
+        try:
+            content, encoding = self._recording.read(self._topic.name, self._number)
+            return image_of(content, self._topic.type, encoding)
+        except UnreadableError as error:
+            self._damaged(str(error))
+            return None
 
+    def check(self) -> Problem | None:
+        """Return what is wrong with the message, without decoding the pixels."""
+        try:
+            content, encoding = self._recording.read(self._topic.name, self._number)
+            message = read_message(content, self._topic.type, encoding)
+            if self._topic.type == IMAGE:
+                _pixels(message)
+                return None
+            fault = fault_of(bytes(message.data[:16]), bytes(message.data[-TAIL:]))
+            if fault and fault != UNKNOWN:  # OpenCV reads more than PNG and JPEG
+                self._damaged(fault)
+        except UnreadableError as error:
+            self._damaged(str(error))
+        return self.problem
 
-def calibration_of(message: Any, rectified: bool, T_camera_lidar: Array) -> Calibration | str:
-    """The camera beside the LiDAR, or why it cannot be used."""
-    found = camera_of(message, rectified)
-    return found if isinstance(found, str) else Calibration(found[0], T_camera_lidar, found[1])
+    def _damaged(self, fault: str) -> None:
+        where = f"{self._recording.path}: {self._topic.name}, message {self._number}"
+        text = f"{where}: {fault}; this scan's points stay without colour"
+        self.problem = self.problem or Problem("damaged image", text)

@@ -6,6 +6,7 @@ import sqlite3
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,15 @@ from slam.data.errors import InputError
 from slam.data.point_blocks import UnreadableError
 from slam.data.problem import Problem
 from slam.data.recordings.clouds import CLOUDS
-from slam.data.recordings.container import Channel, Container
+from slam.data.recordings.container import Channel, Container, Series
 from slam.data.recordings.mcap import Mcap
 from slam.data.recordings.messages import (
     CAMERA_INFO,
     COMPRESSED,
+    FIX,
     HEAD,
     IMAGE,
+    IMU,
     ODOMETRY,
     OLD_TRANSFORMS,
     PATH,
@@ -41,20 +44,23 @@ from slam.data.recordings.sqlite import Sqlite
 CONTAINERS: dict[str, Callable[[Path, Collection[str]], Container]] = {".bag": Rosbag1, ".db3": Sqlite, ".mcap": Mcap}
 PACKED = (".zstd", ".zst")  # of whole files, as rosbag2 may pack them
 TRUTH_TYPES = (ODOMETRY, POSE, POSE_WITH_COVARIANCE, PATH)
+#: Use of all messages of a type.
+USES = {IMU: "IMU, not used", FIX: "GNSS, not used", TRANSFORMS: "mounting", OLD_TRANSFORMS: "mounting"}
 #: Of which every message can be read. All others are counted.
 READ = frozenset((*CLOUDS, *PACKETS, STRING, IMAGE, COMPRESSED, CAMERA_INFO, *TRUTH_TYPES, TRANSFORMS, OLD_TRANSFORMS))
 
 
 @dataclass(frozen=True, eq=False)
 class Topic:
-    """What a recording has under one name.
+    """The messages of one name.
 
     Attributes:
-        name: Of the topic.
-        type: Of its messages, as ROS 2 writes it.
-        count: How many there are.
-        first: When the first was recorded [s], and
-        last: the last.
+        name: Name of the topic.
+        type: Type of its messages, as ROS 2 writes it.
+        count: Number of messages.
+        first: When the first was recorded [s].
+        last: When the last was recorded [s].
+        longest_step: Longest time between successive messages [s].
     """
 
     name: str
@@ -62,6 +68,7 @@ class Topic:
     count: int
     first: float
     last: float
+    longest_step: float = 0.0
 
     @property
     def rate(self) -> float:
@@ -99,13 +106,12 @@ class Recording:
     @cached_property
     def topics(self) -> dict[str, Topic]:
         """By name, in the order of names. Where a name has messages of two types, the type of the most is named."""
-        found: dict[str, list[tuple[Channel, int, int, int]]] = {}
+        found: dict[str, list[tuple[Channel, Series]]] = {}
         for file in self._files:
             for number, channel in file.channels.items():
                 series = file.series.get(number)
                 if series is not None and series.count:
-                    entry = channel, series.count, series.first, series.last
-                    found.setdefault(channel.topic, []).append(entry)
+                    found.setdefault(channel.topic, []).append((channel, series))
         return {name: _summed(name, found[name]) for name in sorted(found)}
 
     def of_type(self, *types: str) -> list[Topic]:
@@ -168,14 +174,16 @@ class Recording:
         return table[np.argsort(table[:, 0], kind="stable")]
 
 
-def _summed(name: str, entries: list[tuple[Channel, int, int, int]]) -> Topic:
+def _summed(name: str, entries: list[tuple[Channel, Series]]) -> Topic:
     counts: dict[str, int] = {}
-    for channel, count, _, _ in entries:
-        counts[channel.type] = counts.get(channel.type, 0) + count
+    for channel, series in entries:
+        counts[channel.type] = counts.get(channel.type, 0) + series.count
     kind = max(counts, key=lambda each: counts[each])
-    known = [entry for entry in entries if entry[0].type == kind]
-    first, last = min(entry[2] for entry in known), max(entry[3] for entry in known)
-    return Topic(name, kind, counts[kind], first / 10**9, last / 10**9)
+    known = sorted((series for channel, series in entries if channel.type == kind), key=lambda each: each.first)
+    between = [later.first - earlier.last for earlier, later in pairwise(known)]
+    first, last = known[0].first, max(series.last for series in known)
+    longest = max(*(series.longest for series in known), *between, 0)
+    return Topic(name, kind, counts[kind], first / 10**9, last / 10**9, longest / 10**9)
 
 
 def _opened(path: Path) -> Container:

@@ -44,7 +44,7 @@ def _inside(u, v):
 
 @cfunc(types.void(types.CPointer(types.voidptr)), cache=True)
 def note_edges(arguments):
-    """Embree's filter where a ray asks only if anything is in its way: hits near an edge are noted and do not count."""
+    """Embree's filter for occlusion rays: hits near an edge are noted and do not count."""
     valid = carray(arguments[0], LANES, np.int32)
     tied = carray(arguments[3], (_FLAGS + 1, LANES), np.uint32)[_TIED]
     hit = carray(arguments[4], (_V - _NX + 1, LANES), np.float32)

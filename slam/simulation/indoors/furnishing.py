@@ -14,7 +14,7 @@ from slam.simulation.mesh import Mesh, joined
 
 Make = Callable[[np.random.Generator], Mesh]
 
-CLEAR = 0.5  # metres from the middle of the way to whatever stands beside it
+CLEAR = 0.5  # metres from the path of the walk to furniture
 GAP = 0.04  # metres between two things, and between a thing and the wall
 TRIES = 14  # places that are tried for a thing before it is left out
 

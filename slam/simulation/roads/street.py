@@ -147,7 +147,7 @@ class AvenueScene(StreetScene):
                 way += rng.uniform(40, 120)
 
     def _lane(self, left: float, rng: np.random.Generator) -> Iterator[Mover]:
-        """From behind the car to before it, each vehicle swaying in its gap; right beside it are cars alone."""
+        """From behind the car to ahead of it, each vehicle swaying in its gap; next to it there are only cars."""
         stamps, way = self.drive.stamps, -SIGHT - rng.uniform(0, 10)
         while way < SIGHT:
             beside = left != 0.0 and -self.BESIDE - 16.5 < way < self.BESIDE

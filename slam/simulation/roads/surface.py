@@ -12,7 +12,7 @@ from slam.simulation.course import Course
 from slam.simulation.mesh import Colour, Mesh, box, grid, quads
 from slam.simulation.terrain import noise
 
-PIECE = 24.0  # metres of the way in one mesh
+PIECE = 24.0  # metres of travelled distance in one mesh
 ROUGH = 0.008  # metres that asphalt is uneven by, in bumps of BUMP metres
 BUMP = 0.75
 LINE, DASH = 0.15, 6.0  # metres: half the width of a marking's stripe, and the length of a dash and half of its gap

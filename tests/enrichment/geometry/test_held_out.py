@@ -1,4 +1,4 @@
-"""What methods are examined on: nothing of the answers is in the question."""
+"""Held-out rings: the input of a method contains nothing of the reference."""
 
 from __future__ import annotations
 

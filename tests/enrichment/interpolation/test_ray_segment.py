@@ -81,7 +81,7 @@ def test_an_empty_scan_has_no_predictions(grid: RayGrid) -> None:
 
 
 def test_held_out_returns_do_not_leak_into_the_input(sparse: Scan, dense: PointCloud, grid: RayGrid) -> None:
-    """What is predicted hangs on the kept rings alone: a query is the line of its ring, not a return's direction."""
+    """Predictions depend on the kept rings only: a query is the line of its ring, not the direction of a return."""
     assert dense.ring is not None
     moved = dense.xyz * np.where(dense.ring % 4 == 0, 1.0, 0.7)[:, None]
     rings = np.arange(64)

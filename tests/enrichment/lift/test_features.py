@@ -1,4 +1,4 @@
-"""What Lift is given: the truth among the candidates, and nothing of the answers."""
+"""Input of Lift: the truth is among the candidates, and nothing of the reference is in it."""
 
 from __future__ import annotations
 

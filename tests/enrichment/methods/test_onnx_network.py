@@ -1,4 +1,4 @@
-"""Networks as methods: in the image the network's depth, beside it ray-segment; without what it needs ray-segment."""
+"""Networks as methods: the network's depth in the image, ray-segment elsewhere and if an input is missing."""
 
 from __future__ import annotations
 

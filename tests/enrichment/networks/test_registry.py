@@ -1,4 +1,4 @@
-"""What every network promises: shape, size, units, seeds, and that all of it can learn."""
+"""Contract of all networks: shape, size, units, seeds, and gradients for all parameters."""
 
 from __future__ import annotations
 

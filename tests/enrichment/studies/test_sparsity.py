@@ -1,4 +1,4 @@
-"""What is left of a depth image: all of it, where little is enough; less and less, elsewhere."""
+"""Share of a depth image that few coefficients preserve: all of a smooth image, less of others."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def test_every_epoch_has_all_scans(sequence: Any) -> None:
     looked_at = []
 
     class Watched(type(sequence)):  # type: ignore[misc]
-        ground_truth = None  # nobody knows where the scans before were, so they are not looked at
+        ground_truth = None  # the poses of the scans before are unknown, so that these are not used
 
         def __getitem__(self, position: int) -> Any:
             looked_at.append(position)

@@ -1,4 +1,4 @@
-"""What a depth benchmark prints and draws."""
+"""Tables and figures of a depth benchmark."""
 
 import cv2
 import numpy as np
@@ -48,7 +48,7 @@ def test_the_risk_coverage_plot_is_written(tmp_path):
 
 
 def test_depth_json_keeps_its_keys():
-    """What others read."""
+    """Other programs read this file."""
     content = report().as_dict()
     assert list(content) == ["knows", "knows-not", "about"]
     assert list(content["knows"]) == ["image", "full", "ms", "parameters"]

@@ -1,4 +1,4 @@
-"""What all commands share: help, usage errors, a process of its own."""
+"""Common behaviour of all commands: help, usage errors, a process of its own."""
 
 from __future__ import annotations
 

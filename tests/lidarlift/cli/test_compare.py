@@ -1,4 +1,4 @@
-"""`lidarlift compare`: run folders beside each other; and `run --input enriched`."""
+"""`lidarlift compare`: comparison of run folders; and `run --input enriched`."""
 
 from __future__ import annotations
 

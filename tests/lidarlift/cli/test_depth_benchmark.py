@@ -19,7 +19,7 @@ FAST = ("--method", "ray-segment")
 
 
 def with_images(sequence: Path, number: int = 8) -> Path:
-    """The drive with grey images beside its first scans."""
+    """The sequence with grey images for its first scans."""
     (sequence / "image_2").mkdir()
     for frame in range(number):
         cv2.imwrite(str(sequence / "image_2" / f"{frame:06d}.png"), np.full((360, 1200, 3), 90, np.uint8))

@@ -82,7 +82,7 @@ def test_a_damaged_map_is_an_error_of_one_line(lidarlift: Command) -> None:
 
 @pytest.mark.usefixtures("finished")
 def test_a_run_is_exported_for_viewers(lidarlift: Command) -> None:
-    """What rosbags reads of it: the way, the map, and where the LiDAR was at each stamp."""
+    """rosbags reads the path, the map, and the pose of the LiDAR at each stamp."""
     assert lidarlift("export", "r", "run.mcap").code == 0
     stamps, poses = read_poses(Path("r/trajectory_tum.txt"))
     assert stamps is not None

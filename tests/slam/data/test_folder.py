@@ -339,7 +339,7 @@ def test_truth_by_row_or_by_time(folder: Path) -> None:
 
 
 def test_truth_of_more_frames_than_there_are_scans_goes_by_the_scans_numbers(folder: Path) -> None:
-    """Of frames 0 to 11, where 1, 2 and 10 are there."""
+    """Stamps of frames 0 to 11, of which 1, 2 and 10 exist."""
     (folder / "poses.txt").write_text("".join(f"1 0 0 {x**2} 0 1 0 0 0 0 1 0\n" for x in range(12)))
     dataset = open_dataset(folder)
     assert dataset.ground_truth is not None

@@ -70,7 +70,7 @@ def test_a_named_sensor_brings_its_lasers_and_a_file_everything(odometry_root: P
     named = data.sensor
     assert named is not None
     assert named.ring_count == 16
-    assert named.motion_compensated  # as KITTI's scans are, whoever made the sensor: that is said
+    assert named.motion_compensated  # as KITTI's scans are, for any sensor: reported
     assert named.vertical_correction == 0  # KITTI's is that of its HDL-64E
     assert [problem.kind for problem in data.problems] == ["motion assumed"]
     assert "motion_compensated: false" in data.problems[0].message

@@ -1,4 +1,4 @@
-"""The loaders on real KITTI drives."""
+"""The loaders on recorded KITTI sequences."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +13,7 @@ from slam.data.ring_patterns import drop_rings
 RealData = Callable[[str], Path]
 
 #: Scans that the wraparound does not give 64 rings of: 42 ends with a stray point of the last ring, the other two are
-#: the last files of their drives, truncated.
+#: the last files of their sequences, truncated.
 ODD = {"kitti_raw_0005": {42: (65, 63), 153: (53, 52)}, "kitti_raw_0013": {143: (56, 55)}, "kitti_odometry_04": {}}
 
 

@@ -1,4 +1,4 @@
-"""Places found again: turned, on another lane, on the way back; and what must not be offered."""
+"""Places are recognised: turned, on another lane, in the reverse direction; others are not offered."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_a_return_on_the_other_lane_is_recognised() -> None:
     found = driven(world).query(seen(world, 101.0, 3.5, np.pi), 1000.0)[0]
     assert abs(found.index * 2.0 - 101.0) <= 2
     assert abs(abs(found.yaw) - np.pi) < 0.11
-    assert found.lateral_shift in (2.0, 4.0)  # on the way back, the lane of the way out is to the left
+    assert found.lateral_shift in (2.0, 4.0)  # in the reverse direction, the lane of the first pass is to the left
 
 
 def test_virtual_sensors_reduce_the_distance_of_a_lane_shift() -> None:
@@ -177,7 +177,7 @@ def test_candidates_are_sorted_and_unique() -> None:
 
 def test_equal_places_keep_the_order_of_insertion() -> None:
     places = ScanContext()
-    for i in range(130):  # standing still: the tree is built anew in between
+    for i in range(130):  # standing still: the tree is rebuilt in between
         places.add(random_cloud(5), float(i))
     found = places.query(random_cloud(5), 1000.0, exhaustive=True)
     assert [candidate.index for candidate in found] == list(range(130))
@@ -202,7 +202,7 @@ def test_preselection_takes_the_nearest_ring_keys_wherever_the_tree_ends() -> No
     places = random_places(180, ScanContextSettings(lateral_shifts=(0.0,), max_preselected=20))
     query = random_cloud(777)
     keys = np.array([ring_key(descriptor(random_cloud(i))) for i in range(180)])
-    for end in (20, 90, 130, 180):  # the tree is built anew on the way
+    for end in (20, 90, 130, 180):  # the tree is rebuilt in between
         unlike = np.linalg.norm(keys[:end] - ring_key(descriptor(query)), axis=1)
         found = places.query(query, 10.0 * (end - 1) + 100.0)
         assert len({candidate.index for candidate in found}) == 20

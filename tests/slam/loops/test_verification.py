@@ -63,7 +63,7 @@ def street(seed: int) -> list[Face]:
 
 
 def seen(faces: list[Face], pose: Array, seed: int) -> PointCloud:
-    """What a sensor at `pose` sees within 35 m: two points a square metre, half a point on the road, 2 cm noise."""
+    """Scan of a sensor at `pose` up to 35 m: two points per square metre, half a point on the road, 2 cm noise."""
     rng, points = np.random.default_rng(seed), []
     for corner, u, v in faces:
         density = 2.0 if u[2] + v[2] else 0.5

@@ -93,7 +93,7 @@ def test_a_keyframe_gathers_the_scans_up_to_the_next() -> None:
 
 
 def test_colours_are_kept_and_black_is_not_averaged_in() -> None:
-    """Two scans coloured the point red and dark red, a third did not see it; another point nobody saw."""
+    """Two scans coloured a point red and dark red, a third did not see it; no scan saw another point."""
     keyframes = Keyframes()
     for red in (200, 0, 100):
         keyframes.add(cloud((5, 0, 0), (9, 0, 0), colour=np.array([[red, 0, 0], [0, 0, 0]])), at(0), 0, 0.0)

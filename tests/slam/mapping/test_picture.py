@@ -22,7 +22,7 @@ def drawn(tmp_path: Path, cloud: PointCloud) -> Array:
 
 
 def patch(colour: tuple[int, int, int], z: float) -> PointCloud:
-    """10 x 10 m beside the way."""
+    """10 x 10 m next to the path."""
     xy = np.stack(np.meshgrid(np.arange(10, 20, 0.1), np.arange(10, 20, 0.1)), axis=-1).reshape(-1, 2)
     xyz = np.column_stack([xy, np.full(len(xy), z)])
     return PointCloud(xyz, np.ones(len(xyz)), colour=np.tile(colour, (len(xyz), 1)))

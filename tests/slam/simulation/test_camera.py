@@ -27,7 +27,7 @@ OVERCAST = replace(CLEAR, sunlight=(0.0, 0.0, 0.0), exposure=2.0)
 
 
 def pose(x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> Array:
-    """Of a camera HEIGHT above the ground that looks along x, turned to the left by `yaw`."""
+    """Pose of a camera HEIGHT above the ground that looks along x, turned to the left by `yaw`."""
     c, s = np.cos(yaw), np.sin(yaw)
     T = np.eye(4)
     T[:3, :3] = np.array([[s, 0, c], [-c, 0, s], [0, -1, 0]])
@@ -59,7 +59,7 @@ def floor(material: str = "asphalt") -> Mesh:
 
 
 def wall(material: str, yaw: float = 0.0, far: float = 0.0, pieces: int = 2) -> Mesh:
-    """12 m x 5 m, facing -x, 6 m ahead of (far, far); out of so many pieces each way."""
+    """12 m x 5 m, facing -x, 6 m ahead of (far, far); divided into pieces in both directions."""
     y, z = np.meshgrid(np.linspace(-6, 6, pieces), np.linspace(0, 5, pieces))
     points = np.stack([np.zeros_like(y), y, z], axis=-1)
     return grid(points, material).placed(far + 6 * np.cos(yaw), far + 6 * np.sin(yaw), 0.0, yaw)

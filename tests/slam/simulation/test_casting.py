@@ -1,4 +1,4 @@
-"""Rays in packets: what a ray meets does not depend on the rays beside it."""
+"""Rays in packets: the hit of a ray does not depend on the other rays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What holds for the scenes of all built-in drives of cars."""
+"""Properties of the scenes of all built-in drives of cars."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ def scene_of(drive: Drive, seed: int) -> DrivenScene:
 
 
 def swept(drive: Drive, scene: DrivenScene) -> tuple[Array, Array]:
-    """Rays along the way at a car's width and heights, each as long as to the next point."""
+    """Rays along the path at a car's width and heights, each as long as the distance to the next point."""
     line = drive.position[:: max(len(drive) // 150, 1), :2]
     line = line[np.concatenate([[True], np.linalg.norm(np.diff(line, axis=0), axis=1) > 0.05])]
     left = Road(line).left

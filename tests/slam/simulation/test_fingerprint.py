@@ -21,7 +21,7 @@ def area(side: float) -> float:
 
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A simulator of two modules: shape, which imports part, and another that nobody imports."""
+    """A simulator of two modules: shape, which imports part, and one that is not imported."""
     folder = tmp_path / "made_up"
     folder.mkdir()
     for name, text in {"__init__": "", "part": "size = 2.0\n", "shape": SOURCE, "another": "size = 1.0\n"}.items():

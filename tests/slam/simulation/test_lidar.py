@@ -32,7 +32,7 @@ def ground(height: float = -1.73, material: str = "asphalt", half: float = 150.0
 
 
 def wall(distance: float, material: str, half: float = 30.0) -> Mesh:
-    """Across the way ahead, as high as it is wide."""
+    """A wall across the path ahead, as high as it is wide."""
     corners = [[distance, -half, -half], [distance, half, -half], [distance, half, half], [distance, -half, half]]
     return quads([corners], material)
 
@@ -54,7 +54,7 @@ def exact(where: World, lidar: Lidar = HDL64, pose: np.ndarray = STILL, motion: 
 
 
 def rays_to_the_wall(xyz: np.ndarray, tilt: float = 0.1) -> np.ndarray:
-    """Of the points ahead, with a direction close to +x."""
+    """Ranges of the points ahead, with a direction close to +x."""
     return xyz[(xyz[:, 0] > 0) & (np.hypot(xyz[:, 1], xyz[:, 2]) < tilt * xyz[:, 0])]
 
 
@@ -131,7 +131,7 @@ def test_asphalt_is_seen_as_far_as_on_kitti() -> None:
 
 
 def _share_seen(where: World, nearest: float, farthest: float) -> float:
-    """Of the pulses that meet something at those ranges in the quarter ahead."""
+    """Share of the pulses in the quarter ahead that hit something at these ranges."""
     seen, there = (_ahead_at(xyz, nearest, farthest).sum() for xyz in (noisy(where)[0], exact(where).xyz))
     return float(seen / there)
 

@@ -1,4 +1,4 @@
-"""The building: closed, with nothing in the way of the walk, and seen by the LiDAR where it is."""
+"""The building: closed, with no obstacle on the path of the walk, and seen by the LiDAR at its true place."""
 
 from __future__ import annotations
 

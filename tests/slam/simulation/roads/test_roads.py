@@ -1,4 +1,4 @@
-"""What each road is there for."""
+"""Properties of each road that make it difficult for an odometry."""
 
 import numpy as np
 import pytest

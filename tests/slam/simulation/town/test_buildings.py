@@ -19,7 +19,7 @@ def houses(seeds: range = range(12)) -> list[tuple[float, float, Mesh]]:
 
 
 def seen_from_street(mesh: Mesh, half: float, low: float, high: float) -> tuple[Hits, np.ndarray, np.ndarray]:
-    """What level rays towards +y meet, at which y, and of which material."""
+    """Return y and material of the hits of level rays towards +y."""
     world = World(StandingWorld(mesh))
     x, z = np.meshgrid(np.arange(-half, half, 0.05), np.arange(low, high, 0.05))
     origin = np.column_stack([x.ravel(), np.full(x.size, -10.0), z.ravel()])
@@ -82,7 +82,7 @@ def test_no_ray_passes_through_a_facade() -> None:
 
 def test_a_row_can_keep_its_height() -> None:
     def eaves(mesh: Mesh) -> float:
-        """Of the side walls' vertical edge, at the corner of the street."""
+        """Position of the side walls' vertical edge, at the corner of the street."""
         x, y, z = mesh.vertices.T
         return float(z[(np.abs(x) > 4.999) & (np.abs(x) < 5.001) & (np.abs(y) < 1e-9)].max())
 

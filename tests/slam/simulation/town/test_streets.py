@@ -19,7 +19,7 @@ def loop() -> tuple[Streets, Terrain, World]:
 
 
 def heights(streets: Streets, terrain: Terrain, world: World, left: float, metres: np.ndarray) -> np.ndarray:
-    """Of the street above the terrain, `left` of the middle of the first road."""
+    """Height of the street above the terrain, `left` of the middle of the first road."""
     road = streets.roads[0]
     above = terrain.lifted(road.line[metres] + left * road.left[metres])
     hits = world.cast(above + np.array([0, 0, 5.0]), np.tile(DOWN, (len(metres), 1)))
