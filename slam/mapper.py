@@ -204,7 +204,7 @@ class Mapper:
                 self._record.place(travelled[len(self._search) - 1], self._search.descriptor)
             for candidate, verification in found:
                 if self._record:
-                    self._record.loop(candidate, verification, len(self._back_end.odometry))
+                    self._record.loop(candidate, verification)
                 if verification.accepted:
                     self._back_end.add_loop(candidate, verification.covariance)
                 else:

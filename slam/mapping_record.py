@@ -42,12 +42,12 @@ class MappingRecord:
         """Write the descriptor (rings, sectors) of the next keyframe."""
         self.journal.append(PLACE, float(travelled), descriptor.astype("<f4").tobytes())
 
-    def loop(self, loop: LoopCandidate, verification: Verification, edges: int) -> None:
-        """Write a candidate with its verification; the graph has so many odometry edges."""
+    def loop(self, loop: LoopCandidate, verification: Verification) -> None:
+        """Write a candidate with its verification."""
         evidence = (loop.distance, loop.yaw, loop.inlier_ratio, loop.overlap)
         covariance = text_of(verification.covariance if verification.accepted else np.zeros((0, 6)))
         self.journal.append(
-            LOOP, loop.i, loop.j, edges, *map(float, evidence), verification.reason, text_of(loop.pose), covariance
+            LOOP, loop.i, loop.j, *map(float, evidence), verification.reason, text_of(loop.pose), covariance
         )
 
     def result(self, poses: Array, ledger: list[LoopRecord]) -> None:
@@ -93,39 +93,22 @@ def places(file: SessionFile, config: Config) -> tuple[Array, Array]:
 
 
 def add_edges(file: SessionFile, back_end: BackEnd) -> None:
-    """Add all edges and candidates to a back end, in the order in which they were found.
+    """Add all edges and candidates to a back end.
 
     Raises:
         InputError: A row is damaged.
     """
-    edges = file.rows(EDGE)
     try:
-        for loop, covariance, reason, count in _loops(file):
-            _add_odometry(edges, back_end, count)
-            if reason:
-                back_end.reject(loop, reason)
-            else:
-                back_end.add_loop(loop, array_of(covariance, 6, 6))
-        _add_odometry(edges, back_end, None)
+        edges = [Edge(i, j, array_of(pose, 4, 4), array_of(P, 6, 6)) for i, j, pose, P in file.rows(EDGE)]
+        back_end.restore(edges, list(_loops(file, len(edges))))
     except ValueError as error:  # RowError is one
         raise InputError(f"{file.path}: damaged ({error}); {REMEDY}") from error
 
 
-def _add_odometry(edges: Iterator[tuple[int, int, str, str]], back_end: BackEnd, count: int | None) -> None:
-    """Add edges until there are `count`; None: all."""
-    while count is None or len(back_end.odometry) < count:
-        row = next(edges, None)
-        if row is None and count is None:
-            return
-        i, j, pose, covariance = row or (-1, -1, "", "")
-        if (i, j) != (len(back_end) - 1, len(back_end)):
-            raise RowError(f"edge {i} -> {j} is not the next one")
-        back_end.add_odometry(array_of(pose, 4, 4), array_of(covariance, 6, 6))
-
-
-def _loops(file: SessionFile) -> Iterator[tuple[LoopCandidate, str, str, int]]:
-    """The candidates, each with the covariance as text, the reason of a rejection, and the number of edges before."""
-    for i, j, edges, distance, yaw, inliers, overlap, reason, pose, covariance in file.rows(LOOP):
+def _loops(file: SessionFile, edges: int) -> Iterator[tuple[LoopCandidate, Array | None, str]]:
+    """The candidates, each with its covariance (6, 6), or None and the reason of a rejection."""
+    for i, j, distance, yaw, inliers, overlap, reason, pose, covariance in file.rows(LOOP):
         if not 0 <= i < j <= edges:
             raise RowError(f"loop {i} -> {j} with {edges} edges")
-        yield LoopCandidate(i, j, array_of(pose, 4, 4), distance, yaw, inliers, overlap), covariance, reason, edges
+        candidate = LoopCandidate(i, j, array_of(pose, 4, 4), distance, yaw, inliers, overlap)
+        yield candidate, None if reason else array_of(covariance, 6, 6), reason

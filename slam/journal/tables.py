@@ -88,7 +88,6 @@ LOOP = Table(
     (
         ("i", "INTEGER"),
         ("j", "INTEGER"),
-        ("edges", "INTEGER"),  # number of edges when the candidate was decided
         ("distance", "REAL"),
         ("yaw", "REAL"),
         ("inlier_ratio", "REAL"),
