@@ -7,9 +7,12 @@ import os
 import resource
 import signal
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -122,17 +125,25 @@ def digests(folder: Path) -> dict[str, str]:
 
 
 def warmed_up(drive: Path) -> None:
-    """Import and compile what runs need, in this process, before it is forked."""
-    import eval.evaluation
-    import eval.plot
-    import slam.recorded_odometry
-    import slam.session
+    """Import and compile what runs need in this process, which forks them: as few threads as possible run here."""
     from slam.compilation import compile_kernels
     from slam.settings import Config
 
-    del eval, slam
     compile_kernels(Config(), lambda: print("compiling kernels ...", file=sys.stderr))
-    next(iter(lidarlift.open_dataset(drive)[position] for position in (0,)))
+    with tempfile.TemporaryDirectory() as folder:
+        names = Path(folder) / "modules"
+
+        def list_modules() -> None:
+            lidarlift.run(drive, out=Path(folder) / "run", frames=slice(4))
+            names.write_text("\n".join(sys.modules), encoding="utf-8")
+
+        process = os.fork()
+        if process == 0:
+            _child(list_modules, os.open(os.devnull, os.O_WRONLY), None)
+        os.waitpid(process, 0)
+        for name in names.read_text(encoding="utf-8").splitlines():
+            with suppress(Exception):  # parts of other packages that are no modules
+                import_module(name)
 
 
 def counted(endings: list[str]) -> Mapping[str, int]:
