@@ -12,7 +12,7 @@ from lidarlift.front_ends import front_end_maker, input_name, opened, settings_f
 from lidarlift.kept_scan import KeptScan
 from lidarlift.reporting import Quiet, Reporter, note_problems
 from lidarlift.reports import report_run
-from slam.data.atomic import require_writable
+from slam.data.atomic import require_no_links, require_writable
 from slam.data.errors import InputError
 
 if TYPE_CHECKING:
@@ -189,14 +189,16 @@ class _Task:
         from eval.evaluation import evaluate_run
         from eval.plot import plot_run
         from eval.report.scan import save_scan
+        from eval.report.writing import FIGURES
         from slam.data.dataset import chosen_positions
         from slam.identity import identity
         from slam.journal.lock import locked
         from slam.pipeline import RefusedError
-        from slam.session import drop_session, save_odometry, save_run, save_stopped
+        from slam.session import SESSION, UNFINISHED, drop_session, save_odometry, save_run, save_stopped
 
         require_apart(folder, self.data)
         require_writable(folder)
+        require_no_links(folder, (FIGURES, SESSION, UNFINISHED))
         recorded = self.recorded()
         about = identity(self.data, chosen_positions(self.data, self.frames), self.settings, recorded)
 

@@ -151,7 +151,7 @@ def save_stopped(run: Run, folder: str | Path) -> Path | None:
     folder = Path(folder)
     if (folder / "run.json").exists():
         folder = folder.with_name(f"{folder.name}-stopped")
-    if not run.records:
+    if not run.records or folder.is_symlink():
         return None
     try:
         run.settle_truth()

@@ -19,6 +19,7 @@ from lidarlift.cli.arguments import (
 )
 from lidarlift.cli.console import Console, command_line
 from lidarlift.cli.data_options import DataOptions, with_data_options
+from lidarlift.folders import default_folder
 from lidarlift.front_ends import settings_for
 from lidarlift.running import run_into
 
@@ -52,7 +53,7 @@ def run(
 
     data = reading.opened(dataset)
     chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
-    folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
+    folder = out or default_folder(data, chosen.front_end.input)
     about: Any = {"odometry": odometry, "strict": strict, "command": command_line(), "resume": resume}
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), **about)
     report = read_report(folder)

@@ -52,6 +52,19 @@ def require_writable(folder: Path) -> None:
         raise InputError(f"{folder}: {existing} is not a writable folder; choose another folder")
 
 
+def require_no_links(folder: Path, names: Iterable[str]) -> None:
+    """Check that none of the folders with these names in `folder` is a link: results would be written outside.
+
+    Links in place of files need no check: a new file takes their place.
+
+    Raises:
+        InputError: One is.
+    """
+    for name in names:
+        if (folder / name).is_symlink():
+            raise InputError(f"{folder / name}: is a link; remove it, or choose another folder")
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a UTF-8 text file atomically.
 
