@@ -62,6 +62,7 @@ class Enricher:
         coverage: float = 1.0,
     ) -> None:
         self.measure, self.method, self.coverage = measure, Calibrated(method), coverage
+        rings = rings[np.argsort(-heights(lines)[rings], kind="stable")]  # top first, whatever their numbers
         self.lines, self.rings = lines, rings
         self.target = target or denser(lines, rings)
         self._column_count = ColumnCount()
@@ -81,7 +82,8 @@ class Enricher:
             return [(self._as_measured(then), T_now_then) for then, T_now_then in history if then.ring is not None]
 
         scan = SparseScan(cloud, self.lines, self.rings, frame.read_image, frame.calibration, columns, measured_history)
-        return self._merge(scan, grid, self.method(scan, grid))
+        between = (scan.rows_above(self.target) >= 0).any()
+        return self._merge(scan, grid, self.method(scan, grid) if between else Prediction.empty(grid.shape))
 
     def state(self) -> dict[str, Any]:
         """Return what is estimated from the scans so far, for `restore`."""

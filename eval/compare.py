@@ -16,12 +16,12 @@ from eval.runs import Row, RunDetails, read_run
 from eval.trajectory import Statistics, path_length
 from slam.data.errors import InputError
 
-DENSE = "64"  # the input that the others are compared with
+DENSE = ("64", "full")  # the input that the others are compared with, by its number of rings
 #: Definitions of the figures, printed with them.
 PROTOCOL = {
     "ATE, RPE": "rmse by evo, after loop closure: ATE after SE(3) Umeyama alignment without scale, RPE frame to frame",
     "drift": "KITTI devkit's odometry metric, no alignment",
-    "to 64": "rmse of positions between the odometry and that on 64 channels, after SE(3) Umeyama alignment",
+    "to full": "rmse of positions between the odometry and that on all channels, after SE(3) Umeyama alignment",
     "Table III": "the paper's: RPE of the translation over consecutive frames after SE(3) Umeyama alignment; its own "
     "figures are over 30 pairs: 16 channels max 0.784, mean 0.247, min 0.025, rmse 0.295, std 0.161 m; proposed 1.200, "
     "0.250, 0.024, 0.371, 0.274 m",
@@ -57,8 +57,8 @@ class RunFigures:
         points_per_scan: Median number of points passed to the odometry.
         front_end_ms: Median time from the scan as read to these points [ms].
         odometry_ms: Median time from these points to the pose [ms].
-        to_64_m: Rmse of positions between this odometry and that on 64 channels, SE(3) Umeyama-aligned [m]; None for
-            the run on 64 channels itself, and without one.
+        to_full_m: Rmse of positions between this odometry and that on all channels, SE(3) Umeyama-aligned [m]; None
+            for the run on all channels itself, and without one.
     """
 
     ate_m: float | None
@@ -77,7 +77,7 @@ class RunFigures:
     points_per_scan: int | None = None
     front_end_ms: float | None = None
     odometry_ms: float | None = None
-    to_64_m: float | None = None
+    to_full_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,8 @@ class Comparison:
     """Content of compare.json.
 
     Attributes:
-        inputs: Figures of each run by its input, "16", "enriched", "64"; or of each trajectory by its label.
+        inputs: Figures of each run by its input, "16", "enriched", and "64" or "full"; or of each trajectory by its
+            label.
         protocol: Definition of each figure, to be printed with it.
         kind: Whether inputs of one data set are compared, or finished runs and other trajectories.
         distances_m: Rmse of positions between every two trajectories by their labels, SE(3) Umeyama-aligned [m]; empty
@@ -113,7 +114,7 @@ def compare_runs(folders: Mapping[str, Path]) -> Comparison:
     """Compare runs on the same sequence.
 
     Args:
-        folders: The run folder of each input ("16", "enriched", "64").
+        folders: The run folder of each input ("16", "enriched", and "64" or "full").
 
     Returns:
         The figures of each input, in the order of `folders`.
@@ -124,10 +125,10 @@ def compare_runs(folders: Mapping[str, Path]) -> Comparison:
     rows = {name: read_run(name, folder) for name, folder in folders.items()}
     runs = {name: row.run for name, row in rows.items() if row.run}
     inputs = {name: _figures(run, rows[name].metrics) for name, run in runs.items()}
-    if DENSE in runs:
-        for name in inputs.keys() - {DENSE}:
-            off = evaluate_poses(runs[name].odometry.poses, runs[DENSE].odometry.poses).ate.aligned.rmse
-            inputs[name] = replace(inputs[name], to_64_m=off)
+    for dense in runs.keys() & set(DENSE):
+        for name in inputs.keys() - {dense}:
+            off = evaluate_poses(runs[name].odometry.poses, runs[dense].odometry.poses).ate.aligned.rmse
+            inputs[name] = replace(inputs[name], to_full_m=off)
     return Comparison(inputs, _protocol(inputs))
 
 
@@ -150,7 +151,7 @@ def compare_rows(rows: Sequence[Row], reference: str | None, notes: Sequence[str
     if paths and max(paths) - min(paths) > MAX_SPREAD * max(paths):
         covered = ", ".join(f"{row.label} {row.metrics.reference_path_length_m:.1f} m" for row in rows if row.metrics)
         notes = (*notes, f"the trajectories cover different parts of the reference, so their errors differ: {covered}")
-    protocol = {name: text for name, text in _protocol(inputs).items() if name != "to 64"} | {"distance": DISTANCE}
+    protocol = {name: text for name, text in _protocol(inputs).items() if name != "to full"} | {"distance": DISTANCE}
     return Comparison(inputs, protocol, "trajectories", _distances(rows), reference, tuple(notes))
 
 

@@ -32,7 +32,7 @@ COMPARISON_COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("RPE\n[deg]", "rpe_deg", ".4f"),
     ("drift\n[%]", "drift_percent", ".3f"),
     ("drift\n[deg/100 m]", "drift_deg_per_100m", ".3f"),
-    ("to 64\n[m]", "to_64_m", ".3f"),
+    ("to full\n[m]", "to_full_m", ".3f"),
     ("path\n[m]", "path_m", ".1f"),
     ("frames", "frames", "d"),
     ("failed", "failed", "d"),

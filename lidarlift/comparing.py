@@ -7,7 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarlift.folders import require_apart
-from lidarlift.front_ends import FEW_RINGS, MOST_ENRICHED, TRAINING_FREE, input_name, opened, with_runnable_enricher
+from lidarlift.front_ends import (
+    FEW_RINGS,
+    TRAINING_FREE,
+    input_name,
+    opened,
+    recorded_input,
+    why_not_enriched,
+    with_runnable_enricher,
+)
 from lidarlift.reporting import Quiet, Reporter
 from lidarlift.reports import report_runs
 from lidarlift.running import run_into
@@ -64,16 +72,18 @@ def compare(
 
 
 def available_inputs(data: Dataset) -> Sequence[str]:
-    """Return the inputs that can be compared.
+    """Return the inputs that can be compared, named by what they are: 16, enriched, and 64 or full.
 
-    A sensor of 16 rings or fewer has no full input besides input 16; one of more than MOST_ENRICHED rings, except 64,
-    is not enriched.
+    A LiDAR of 16 rings or fewer has no sparser input, one without rings only the full scan; without laser lines scans
+    are not enriched.
     """
     from slam.data.dataset import ring_count
 
-    rings = ring_count(data) or 64
-    enriched = rings == 64 or rings <= MOST_ENRICHED
-    return [name for name, there in zip(INPUTS, (True, enriched, rings > FEW_RINGS), strict=True) if there]
+    rings = ring_count(data)
+    if rings is None:
+        return ["full"]
+    sparse, *dense = [*(["16"] if rings > FEW_RINGS else []), recorded_input(rings)]
+    return [sparse, *(["enriched"] if data.sensor else []), *dense]
 
 
 def rows_for(
@@ -84,14 +94,18 @@ def rows_for(
 ) -> dict[str, Config]:
     """Return the settings of each row: one row per input, and ray-segment before any other enricher.
 
+    Enriched are 16 rings, those of row 16, of a LiDAR with any number of rings.
+
     Raises:
         InputError: As `load_config` and `with_runnable_enricher`.
     """
+    rings = load_config(config, overrides).front_end.enriched_rings or FEW_RINGS
     rows = {}
     for channels in inputs:
-        settings = with_runnable_enricher(load_config(config, overrides, input=channels, enricher=enricher))
+        chosen = {"input": channels, "enriched_rings": rings if channels == "enriched" else None}
+        settings = with_runnable_enricher(load_config(config, overrides, enricher=enricher, **chosen))
         if channels == "enriched" and settings.front_end.enricher != TRAINING_FREE:
-            rows[TRAINING_FREE] = load_config(config, overrides, input=channels, enricher=TRAINING_FREE)
+            rows[TRAINING_FREE] = load_config(config, overrides, enricher=TRAINING_FREE, **chosen)
         rows[channels] = settings
     return rows
 
@@ -139,5 +153,9 @@ def compare_into(
 
 
 def comparison_title(data: Dataset, rows: Mapping[str, Config], frames: slice, name: str | None = None) -> str:
-    """Return the title of a comparison: the sequence, the number of frames, and the enricher."""
-    return f"{name or data.name}, {len(range(len(data))[frames])} frames, {input_name(rows['enriched'])}"
+    """Return the title of a comparison: the sequence, the number of frames, and the enricher or why there is none."""
+    from slam.data.dataset import ring_count
+
+    reason = why_not_enriched(data.sensor, ring_count(data))
+    enriched = input_name(rows["enriched"]) if "enriched" in rows else f"not enriched: {reason}"
+    return f"{name or data.name}, {len(range(len(data))[frames])} frames, {enriched}"

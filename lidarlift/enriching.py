@@ -32,7 +32,7 @@ def enrich(
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
         sequence: Name of the sequence, if the folder has several.
         sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
-        enricher: The enrichment method: 'ray-segment' needs no training; 'lift', the default, is our network.
+        enricher: The enrichment method: 'ray-segment', the default, needs no training; 'lift' is our network.
         config: A preset's name or a YAML file.
         overrides: Single settings, as in 'front_end.coverage=0.8'.
         frames: Positions in the data set, as a slice of a list.

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("lidarlift")
 
-FEW_RINGS = 16  # scans of a sensor with no more rings than this are used in full
+FEW_RINGS = 16  # of the sparse input; scans of a sensor with no more rings are used in full
 MOST_ENRICHED = 42  # rings; above, there is no room for a virtual line between two rings of a target of about 64
 TRAINING_FREE = "ray-segment"  # the method without weights
+LIFT = "lift"
 
 
 def opened(dataset: Dataset | str | Path, sequence: str | None, sensor: str | Path | None) -> Dataset:
@@ -51,7 +52,8 @@ def settings_for(
 
     Args:
         rings: Number of rings of the LiDAR (`ring_count`), None if unknown.
-        input: 'full' (as recorded; also '64' with 64 rings), '16' or 'enriched'; by default as recorded.
+        input: 'full' (as recorded; also '64' with 64 rings), a number of rings, or 'enriched'; by default that of
+            `config`, else as recorded.
         enricher: The enrichment method for input 'enriched'.
         config: A preset's name, a YAML file, or complete settings.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
@@ -65,13 +67,30 @@ def settings_for(
         if input or enricher or overrides:
             raise ValueError("config already holds all settings; leave input, enricher and overrides out")
         return with_runnable_enricher(config)
-    if input == "64" and rings is not None and rings != 64:
-        raise InputError(f"--input 64: the LiDAR has {rings} rings; use --input full, or leave it out")
-    default = None if rings in (None, 64) else "16" if rings <= FEW_RINGS else "full"
-    settings = load_config(config, overrides, input=input or default, enricher=enricher)
+    settings = load_config(config, overrides, input=input, enricher=enricher)
+    if "input" not in settings.front_end.model_fields_set:
+        settings = _with_front_end(settings, input=recorded_input(rings))
+    _check_input(settings.front_end.input, rings)
     if enricher and settings.front_end.input != "enriched":
         raise InputError(f"--enricher {enricher}: scans are not enriched without --input enriched; add it")
     return with_runnable_enricher(settings)
+
+
+def recorded_input(rings: int | None) -> str:
+    """Return the name of the input that is the scan as recorded: '64' or '16' for so many rings, else 'full'."""
+    return str(rings) if rings in (FEW_RINGS, 64) else "full"
+
+
+def _check_input(name: str, rings: int | None) -> None:
+    """Raise InputError if the LiDAR does not have as many rings; 64 always stands for all of 64 rings."""
+    if rings is None or name in ("full", "enriched", str(FEW_RINGS)):
+        return
+    if int(name) > rings or (name == "64" and rings != 64):
+        raise InputError(f"--input {name}: the LiDAR has {rings} rings; use --input full, or leave it out")
+
+
+def _with_front_end(settings: Config, **values: str) -> Config:
+    return settings.model_copy(update={"front_end": settings.front_end.model_copy(update=values)})
 
 
 def with_runnable_enricher(settings: Config) -> Config:
@@ -91,8 +110,7 @@ def with_runnable_enricher(settings: Config) -> Config:
     if name in runnable():
         return settings
     log.warning("%s: the weights are not installed; %s is used instead", name, TRAINING_FREE)
-    front_end = settings.front_end.model_copy(update={"enricher": TRAINING_FREE})
-    return settings.model_copy(update={"front_end": front_end})
+    return _with_front_end(settings, enricher=TRAINING_FREE)
 
 
 def front_end_for(
@@ -124,22 +142,44 @@ def front_end_maker(
     measured = RingFrontEnd(settings, sensor, rings)
     if settings.input != "enriched":
         return lambda: RingFrontEnd(settings, sensor, rings)
-    if sensor is None:
-        raise InputError(
-            f"{name}: enrichment needs the laser lines, and the sensor model is unknown; "
-            "name the LiDAR: --sensor hdl64, --sensor vlp16 or --sensor FILE.yaml with its beams"
-        )
+    target = None if measured.kept is None else sensor  # dropped rings are predicted on their own lines
+    if sensor is None or (target is None and why_not_enriched(sensor, rings)):
+        raise InputError(f"{name}: no enrichment: {why_not_enriched(sensor, rings)}")
     from enrichment.enricher import Enricher
     from enrichment.methods.registry import METHODS
 
-    target = sensor if sensor.ring_count == 64 else None
-    if target is None and sensor.ring_count > MOST_ENRICHED:
-        raise InputError(
-            f"{name}: {sensor.name} has {sensor.ring_count} rings, too dense for virtual beams between them; use "
-            "--input full or --input 16"
-        )
     make_method = METHODS.load(settings.enricher)
     return lambda: Enricher(measured, make_method(), *measured.lines(), target, coverage=settings.coverage)
+
+
+def why_not_enriched(sensor: Sensor | None, rings: int | None) -> str | None:
+    """Return why the scans of a LiDAR are not enriched, and what to do; None if they are.
+
+    Args:
+        sensor: The LiDAR, None if unknown.
+        rings: Number of rings, if known.
+    """
+    if sensor is None:
+        lines = "the laser lines are unknown" if rings else "the scans have no rings, and the laser lines are unknown"
+        remedy = "name the LiDAR: --sensor hdl64, --sensor vlp16 or --sensor FILE.yaml with its laser lines"
+        return f"{lines}; {remedy} (a LiDAR without rings is not enriched: --input full)"
+    if sensor.ring_count == 64 or sensor.ring_count <= MOST_ENRICHED:
+        return None
+    return (
+        f"{sensor.name} has {sensor.ring_count} rings, too dense for virtual beams between them; use --input full, or "
+        "enrich some of them: --set front_end.enriched_rings=16"
+    )
+
+
+def front_end_notes(settings: FrontEndSettings, sensor: Sensor | None, rings: int | None = None) -> tuple[str, ...]:
+    """Return notes about the input for the reader of the results. Arguments as in `front_end_maker`."""
+    if settings.input != "enriched" or settings.enricher != LIFT or sensor is None:
+        return ()
+    from enrichment.methods.lift import gap_note
+    from slam.front_end import RingFrontEnd
+
+    note = gap_note(*RingFrontEnd(settings, sensor, rings).lines())
+    return () if note is None else (note,)
 
 
 def input_name(settings: Config) -> str:

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from lidarlift.front_ends import front_end_for, settings_for
+from lidarlift.front_ends import front_end_for, front_end_notes, settings_for
 from slam import pipeline
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
@@ -36,8 +36,8 @@ class Slam:
     Args:
         sensor: A built-in LiDAR ('hdl64', 'vlp16', 'vlp32c', ...) or a YAML file with its beams. Required for input
             'enriched'.
-        input: 'full', scans as received; '16', rings dropped; 'enriched', 16 rings enriched to about 64. By default as
-            received.
+        input: 'full', scans as received; '16' or another number, rings dropped; 'enriched', 16 of 64 rings, or all
+            rings of a sparser LiDAR, enriched to about 64. By default as received.
         enricher: The enrichment method: 'ray-segment' takes some milliseconds and needs no camera.
         calibration: Calibration of the camera, if images are added: they colour the map, and methods may use them.
         config: A preset's name, a YAML file, or the result of `load_config`.
@@ -81,6 +81,7 @@ class Slam:
             source=Source(NAME, sensor=self._sensor, calibration=calibration),
             sweep_duration=1 / sweeps_per_second,
         )
+        self._slam.result.remarks = front_end_notes(settings.front_end, self._sensor)
         self._period, self._columns = 1 / sweeps_per_second, UNKNOWN
 
     def __enter__(self) -> Self:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lidarlift.folders import require_apart
-from lidarlift.front_ends import front_end_maker, input_name, opened, settings_for
+from lidarlift.front_ends import front_end_maker, front_end_notes, input_name, opened, settings_for
 from lidarlift.kept_scan import KeptScan
 from lidarlift.reporting import Quiet, Reporter, note_problems
 from lidarlift.reports import report_run
@@ -46,9 +46,9 @@ def run(
         dataset: An open data set; or a path that `open_dataset` takes, with `sequence` and `sensor`.
         sequence: Name of the sequence, if the folder has several.
         sensor: Name of the LiDAR or a YAML file with its beams, if the folder does not say.
-        input: 'full': scans as recorded (of 64 rings also '64'); '16': 16 rings; 'enriched': 16 rings with virtual
-            beams between them. Default: as recorded.
-        enricher: The enrichment method: 'ray-segment' needs no training; 'lift', the default, is our network.
+        input: 'full': scans as recorded (of 64 rings also '64'); '16' or another number: so many rings; 'enriched': 16
+            of 64 rings, or all rings of a sparser LiDAR, with virtual beams between them. Default: as recorded.
+        enricher: The enrichment method: 'ray-segment', the default, needs no training; 'lift' is our network.
         config: A preset's name, a YAML file, or the result of `load_config`.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
         frames: Positions in the data set, as a slice of a list.
@@ -180,6 +180,7 @@ class _Task:
                 on_odometry=on_odometry,
                 on_stop=on_stop,
             )
+        result.remarks = front_end_notes(self.settings.front_end, self.data.sensor, ring_count(self.data))
         note_problems(result.problems, self.reporter)
         return result
 

@@ -1,4 +1,4 @@
-"""Input selection: the full scan, or a subset of 16 rings."""
+"""Input selection: the full scan, or a subset of its rings."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class AdaptiveFrontEnd(Protocol):
 
 
 class RingFrontEnd:
-    """Returns the scan as recorded (inputs full and 64), or 16 of its rings (inputs 16 and enriched).
+    """Returns the scan as recorded (inputs full and 64), or some of its rings.
 
-    The scan of a sensor with 16 rings or fewer is returned unchanged, and for input enriched that of every sensor
-    without 64 rings.
+    Input N keeps N rings. Input enriched keeps `enriched_rings`, by default 16 of 64 and all of any other number. A
+    scan that has no more rings than that is returned unchanged.
 
     Args:
         settings: Settings of the front end.
@@ -56,23 +56,25 @@ class RingFrontEnd:
     def __init__(self, settings: FrontEndSettings, sensor: Sensor | None = None, rings: int | None = None) -> None:
         self.settings, self.sensor = settings, sensor
         self.rings = rings if sensor is None else sensor.ring_count
-        if self.rings is not None and not self.as_recorded:
+        if self.rings is not None and self.kept is not None:
             self._dropped(PointCloud(np.zeros((0, 3)), np.zeros(0), np.zeros(0)))  # reports a wrong pattern at once
 
     @property
-    def as_recorded(self) -> bool:
-        """Whether all rings are kept: by the setting, or because there are at most 16."""
-        if self.settings.input in ("full", "64"):
-            return True
-        rings = self.rings or 64
-        return rings <= KEPT or (self.settings.input == "enriched" and rings != 64)
+    def kept(self) -> int | None:
+        """Number of rings that are kept, None if the scan is returned as recorded."""
+        settings, rings = self.settings, self.rings or 64
+        if settings.input == "enriched":
+            wanted = settings.enriched_rings or (KEPT if rings == 64 else rings)
+        else:
+            wanted = rings if settings.input in ("full", "64") else int(settings.input)
+        return None if wanted >= rings else wanted
 
     def lines(self) -> tuple[Sensor, Array]:
         """Return the laser lines by ring index, and the indices (K,) that are kept, top first; needs a known sensor."""
         assert self.sensor is not None
-        if self.as_recorded:
+        if self.kept is None:
             return self.sensor, np.arange(self.sensor.ring_count)
-        return kept_lines(self.sensor, self.settings.ring_selection, self.settings.phase)
+        return kept_lines(self.sensor, self.settings.ring_selection, self.settings.phase, self.kept)
 
     def state(self) -> int | None:
         """Return the number of rings, which may be counted."""
@@ -87,11 +89,13 @@ class RingFrontEnd:
         del history  # only enrichment uses it
         if self.rings is None and frame.cloud.ring is not None and len(frame.cloud):
             self.rings = usual_rings(int(frame.cloud.ring.max()))
-        if self.as_recorded or len(frame.cloud) == 0:
+        if self.kept is None or len(frame.cloud) == 0:
             return frame.cloud
         if frame.cloud.ring is None and self.sensor is not None:  # a damaged scan without rings: drop all points
             return frame.cloud.select(np.zeros(len(frame.cloud), bool))
         return self._dropped(frame.cloud)
 
     def _dropped(self, cloud: PointCloud) -> PointCloud:
-        return drop_rings(cloud, self.settings.ring_selection, self.settings.phase, self.sensor, self.rings or 64)
+        assert self.kept is not None
+        settings = self.settings
+        return drop_rings(cloud, settings.ring_selection, settings.phase, self.sensor, self.rings or 64, self.kept)

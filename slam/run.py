@@ -97,6 +97,7 @@ class Run:
         milliseconds: Run times of the mapper's stages (map, loops, back_end), one figure per keyframe or frame.
         records: One record per frame.
         problems: Problems in the data.
+        remarks: Notes about the input, such as where one enrichment method replaces another.
     """
 
     source: Source
@@ -108,6 +109,7 @@ class Run:
     milliseconds: dict[str, list[float]] = field(default_factory=dict)
     records: list[FrameRecord] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
+    remarks: tuple[str, ...] = ()
 
     @property
     def odometry_poses(self) -> Array:
@@ -187,4 +189,4 @@ class Run:
             if record.status == "degenerate":
                 motion = (se3.inverse(poses[number]) @ poses[max(number - 1, 0)])[:3, 3]
                 found.append(degeneracy.directions(record.unobserved, motion))
-        return [degeneracy.summary(found, len(self.records))] if found else []
+        return [*self.remarks, *([degeneracy.summary(found, len(self.records))] if found else [])]

@@ -16,15 +16,16 @@ class Settings(BaseModel):
 class FrontEndSettings(Settings):
     """Conversion of the recorded scan into the cloud that is registered."""
 
-    # full: as recorded, and so is 64; 16: 16 of its rings; enriched: 16 enriched to about 64
-    input: Literal["full", "64", "16", "enriched"] = "64"
-    # the 16 of its rings; every-4th as in papers, vlp16: those nearest to a VLP-16's, average-pool: as in the paper
+    # full: as recorded, and so is 64; 16 or another number: so many of its rings; enriched: 16 enriched to about 64
+    input: str = "64"
+    enriched_rings: int | None = Field(None, ge=2)  # that input enriched keeps; None: 16 of 64, else all
+    # of its rings; every-4th as in papers, vlp16: those nearest to a VLP-16's, average-pool: as in the paper
     ring_selection: Literal["every-4th", "vlp16", "average-pool"] = "every-4th"
     phase: int = Field(0, ge=0, le=3)  # of every-4th: index of the first ring that is kept
-    # a name in enrichment.methods.registry, checked when the method is created. lift: our network; ray-segment: no
-    # learning, some milliseconds per frame; joint: ray-segment guided by the image, a tenth of a second; l2l, li2l,
-    # f2l: the paper's networks, a second or more
-    enricher: str = "lift"
+    # a name in enrichment.methods.registry, checked when the method is created. ray-segment: no learning, some
+    # milliseconds per frame; lift: our network, a tenth of a second; joint: ray-segment guided by the image, a tenth of
+    # a second; l2l, li2l, f2l: the paper's networks, a second or more
+    enricher: str = "ray-segment"
     coverage: float = Field(1.0, gt=0, le=1)  # share of the predicted points that is kept, smallest sigma first
     deskew: bool | None = None  # None: if the scans have times and are not motion-compensated
     vertical_correction_deg: float | None = None  # None: that of the sensor (KITTI: 0.205)
@@ -33,6 +34,13 @@ class FrontEndSettings(Settings):
     @classmethod
     def _as_text(cls, value: Any) -> Any:
         return str(value) if isinstance(value, int) else value  # YAML parses an unquoted 16 as a number
+
+    @field_validator("input")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        if value in ("full", "enriched") or (value.isascii() and value.isdigit() and int(value) > 1):
+            return value
+        raise ValueError("input must be full, enriched or a number of rings, as in 16")
 
 
 class OdometrySettings(Settings):

@@ -21,7 +21,7 @@ from benchmarks.common.page import surroundings, table, target, write_results
 from benchmarks.common.script import add_results, parser, run_script
 from benchmarks.common.simulated import CACHE, TOWNS, scene
 from benchmarks.enriched.recipes import SIXTEEN
-from benchmarks.enriched.tracks import Runner, apart, geometric_mean, rmse
+from benchmarks.odometry.tracks import Runner, apart, geometric_mean, rmse
 from eval.text import number
 from lidarlift.front_ends import front_end_for
 from slam.config import load_config

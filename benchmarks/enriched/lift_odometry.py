@@ -22,7 +22,7 @@ from benchmarks.common.page import surroundings, table, target, write_results
 from benchmarks.common.script import add_results, parser, run_script
 from benchmarks.common.simulated import CACHE, TOWNS, scene
 from benchmarks.enriched.recipes import SIXTEEN
-from benchmarks.enriched.tracks import Runner, apart, front_ends, geometric_mean, rmse
+from benchmarks.odometry.tracks import Runner, apart, front_ends, geometric_mean, rmse
 from benchmarks.weights.lift_weights import held_out, lift_for
 from enrichment.interpolation.ray_segment import RaySegment
 from enrichment.methods.registry import LIFT

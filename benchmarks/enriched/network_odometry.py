@@ -15,7 +15,7 @@ from typing import Any
 
 from benchmarks.common.page import surroundings, table, write_results
 from benchmarks.common.script import add_results, parser, run_script
-from benchmarks.enriched.tracks import Runner, apart, front_ends
+from benchmarks.odometry.tracks import Runner, apart, front_ends
 from enrichment.methods.registry import make_methods, runnable
 from eval.evaluation import evaluate_poses
 from eval.text import number

@@ -74,6 +74,11 @@ class Prediction:
     sigma: Array
     trusted: Array
 
+    @classmethod
+    def empty(cls, shape: tuple[int, int]) -> Prediction:
+        """Create a prediction without any range, for a grid of this shape."""
+        return cls(np.zeros(shape, np.float32), np.full(shape, np.inf, np.float32), np.zeros(shape, bool))
+
 
 def columns_for(cloud: PointCloud) -> int:
     """Return the number of columns that a scan fills, from the median azimuth step of the ring with the most points."""

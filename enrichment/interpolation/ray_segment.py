@@ -30,6 +30,8 @@ class RaySegment:
 
     def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
         """Predict ranges between the rings."""
+        if len(scan.rings) < 2:
+            return Prediction.empty(grid.shape)
         rho, z, length, slope, turn = kernels.segments(scan.cloud.xyz, scan.points)
         sensor, upper = grid.sensor, scan.rows_above(grid.sensor)
         met = kernels.intersect_segments(rho, z, length, upper, np.tan(sensor.elevation), sensor.offset)

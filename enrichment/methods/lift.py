@@ -13,16 +13,39 @@ from enrichment.lift.channels import COLUMN_MULTIPLE, Candidate, Ray
 from enrichment.lift.features import LiftInput, lift_input
 from enrichment.methods.onnx_network import WEIGHTS, Fallback, metadata_number, session
 from slam.data.cloud import Array
+from slam.data.sensor import Sensor
 
 NAME = "lift"
 #: At larger scales the network, trained on few streets, is overconfident: the mean of its range and of the candidate
 #: GUESS is more accurate. Chosen on KITTI 0005 and 0013, by weights trained without them.
 UNCERTAIN_SCALE, GUESS_WEIGHT = 1.0, np.float32(0.5)  # m
+#: Widths of gaps between rings in training [rad]: every 2nd, 4th or 8th ring of an HDL-64E, 0.61 to 4.28 deg.
+LEARNED_GAPS = np.deg2rad((0.6, 4.3))
 SIGMA = np.float32(1.15)  # half the width of the central 68 % interval of a Laplace distribution, in its scales
+
+
+def learned_gaps(lines: Sensor, rings: Array) -> Array:
+    """Check which gaps between successive rings (K,), top first, are as wide as gaps of the training: (K - 1,) bool."""
+    gaps = -np.diff(lines.elevation[rings])
+    return np.asarray((gaps > LEARNED_GAPS[0]) & (gaps < LEARNED_GAPS[1]))
+
+
+def gap_note(lines: Sensor, rings: Array) -> str | None:
+    """Say between how many of the rings (K,) Lift is replaced by ray-segment; None if everywhere Lift is used."""
+    learned = learned_gaps(lines, rings)
+    if learned.all():
+        return None
+    low, high = np.rad2deg(LEARNED_GAPS)
+    return (
+        f"{NAME}: {np.sum(~learned)} of the {len(learned)} gaps between rings are not between {low:.1f} and {high:.1f} "
+        "deg wide, as those it was trained on; ray-segment is used there"
+    )
 
 
 class LiftMethod:
     """Enrichment method Lift: ranges on all rays between two returns, with sigma of the network.
+
+    Between rings that are nearer to each other or farther apart than those of its training, ray-segment is used.
 
     The image and past scans are used where available; otherwise the rings alone. Every ray that is likely to have a
     return is trusted, even with a large sigma: uncertain returns (vegetation, depth edges) still constrain the forward
@@ -56,20 +79,23 @@ class LiftMethod:
         if self._session is None:
             self._fallback.notice()
             return RaySegment()(scan, grid)
-        ranges, sigma = np.zeros(grid.shape, np.float32), np.full(grid.shape, np.inf, np.float32)
-        trusted = np.zeros(grid.shape, bool)
-        if not (scan.rows_above(grid.sensor) >= 0).any():  # no rays between the rings
-            return Prediction(ranges, sigma, trusted)
-        given = lift_input(scan, grid)
+        upper = scan.rows_above(grid.sensor)
+        rows = np.flatnonzero(upper >= 0)
+        rows = rows[learned_gaps(scan.lines, scan.rings)[upper[rows]]]
+        other = len(rows) < (upper >= 0).sum()
+        prediction = RaySegment()(scan, grid) if other else Prediction.empty(grid.shape)
+        if len(rows) == 0:
+            return prediction
+        given = lift_input(scan, RayGrid(grid.sensor.only(rows), grid.columns))
         rho, scale, valid = self._run(given)
         guess = given.candidates[Candidate.GUESS]
         rho = np.where((guess > 0) & (scale > UNCERTAIN_SCALE), rho + GUESS_WEIGHT * (guess - rho), rho)
         known = given.rays[Ray.KNOWN] > 0
-        stretch = (1 / np.cos(grid.sensor.elevation[given.rows])).astype(np.float32)[:, None]
-        ranges[given.rows] = np.where(known, rho * stretch, np.float32(0))
-        sigma[given.rows] = np.where(known, SIGMA * scale * stretch, np.float32(np.inf))
-        trusted[given.rows] = known & (valid > 0)
-        return Prediction(ranges, sigma, trusted)
+        stretch = (1 / np.cos(grid.sensor.elevation[rows])).astype(np.float32)[:, None]
+        prediction.ranges[rows] = np.where(known, rho * stretch, np.float32(0))
+        prediction.sigma[rows] = np.where(known, SIGMA * scale * stretch, np.float32(np.inf))
+        prediction.trusted[rows] = known & (valid > 0)
+        return prediction
 
     def _run(self, given: LiftInput) -> tuple[Array, Array, Array]:
         """Return rho, scale and validity, (Q, W) each."""

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from eval.alignment import alignment_transform, associate
+from eval.compare import DENSE
 from eval.report.chart import colours
 from eval.runs import Row, RunDetails, Track, read_run, read_truth, track_row
 from eval.trajectory import distances
@@ -86,10 +87,10 @@ class Report:
 
     @cached_property
     def reference(self) -> tuple[str, Track]:
-        """Name and trajectory that the rows are drawn against: the ground truth, else row 64, else the first row."""
+        """Name and trajectory that the rows are drawn against: the ground truth, else all rings, else row one."""
         if self.truth:
             return self.truth_name, self.truth
-        row = next((row for row in self.rows if row.label == "64"), self.rows[0])
+        row = next((row for row in self.rows if row.label in DENSE), self.rows[0])
         return row.label, row.track
 
     def with_reference(self, row: Row) -> Report:

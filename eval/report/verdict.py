@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from eval.compare import DENSE
 from eval.report.content import Report
 from eval.report.loops import closures
 from eval.runs import Row
@@ -13,7 +14,7 @@ from eval.text import number
 from eval.trajectory import path_length
 
 SAME = 0.05  # relative difference of two errors that is not called a difference
-SPARSE, ENRICHED, DENSE = "16", "enriched", "64"
+SPARSE, ENRICHED = "16", "enriched"
 
 
 def verdict(report: Report) -> list[str]:
@@ -32,17 +33,16 @@ def verdict(report: Report) -> list[str]:
 def _enrichment(rows: dict[str, Row]) -> list[str]:
     sparse, enriched = _ate(rows[SPARSE]), _ate(rows[ENRICHED])
     sentence = f"Enrichment {_changed('the ATE of 16 channels', sparse, enriched)}"
-    dense = _ate(rows[DENSE]) if DENSE in rows else None
-    if dense is not None:
-        sentence += f"; 64 measured channels have {_length(dense)}"
+    label = next((label for label in DENSE if label in rows), None)
+    dense = None if label is None else _ate(rows[label])
+    if label is not None and dense is not None:
+        sentence += f"; {label.replace('full', 'all')} measured channels have {_length(dense)}"
         if dense < sparse * (1 - SAME) and enriched < sparse * (1 - SAME):
             closed = (sparse - enriched) / (sparse - dense)
-            sentence += (
-                f", so that it closes {100 * closed:.0f} % of the gap" if closed < 1 else ", so that it closes the gap"
-            )
+            sentence += f": {100 * min(closed, 1):.0f} % of the gap is closed"
     sentences = [sentence + "."]
     drifts = {label: row.metrics.drift for label, row in rows.items() if row.metrics}
-    found = {label: drifts[label].translation_percent for label in (SPARSE, ENRICHED, DENSE) if label in drifts}
+    found = {label: drifts[label].translation_percent for label in (SPARSE, ENRICHED, *DENSE) if label in drifts}
     if all(value is not None for value in found.values()):
         listed = ", ".join(f"{value:.3f} % ({label})" for label, value in found.items())
         sentences.append(f"Drift: {listed}; {drifts[SPARSE].name}.")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,16 +12,7 @@ from enrichment.methods.registry import METHODS
 from slam.config import preset_names
 from slam.data.errors import InputError
 from slam.data.registry import Registry
-
-
-class Input(StrEnum):
-    """Input of the registration."""
-
-    FULL = "full"
-    SIXTY_FOUR = "64"
-    SIXTEEN = "16"
-    ENRICHED = "enriched"
-
+from slam.settings import FrontEndSettings
 
 DatasetArgument = Annotated[
     Path,
@@ -35,10 +25,23 @@ FramesOption = Annotated[str, typer.Option(help="Slice of the sequence, FROM:TO 
 ConfigOption = Annotated[str | None, typer.Option(help=f"YAML file or preset: {', '.join(preset_names())}.")]
 SetOption = Annotated[list[str] | None, typer.Option("--set", help="One setting: odometry.voxel_size=1.0")]
 StrictOption = Annotated[bool, typer.Option("--strict", help="Stop with an error at the first problem of the data.")]
+
+
+def _known_input(text: str | None) -> str | None:
+    """Check --input."""
+    try:
+        return text if text is None else FrontEndSettings(input=text).input
+    except ValueError as error:
+        raise typer.BadParameter(f"'{text}' is not full, enriched or a number of rings, as in 16") from error
+
+
 InputOption = Annotated[
-    Input | None,
+    str | None,
     typer.Option(
-        help="full: scans as recorded (64 for 64 rings); 16: 16 of the rings; enriched: 16 rings and virtual beams."
+        metavar="full|N|enriched",
+        callback=_known_input,
+        help="full: scans as recorded (64 for 64 rings); 16 or another number: so many of the rings; enriched: virtual "
+        "beams between 16 of 64 rings, or between all rings of a sparser LiDAR.",
     ),
 ]
 EnricherOption = Annotated[
@@ -46,8 +49,8 @@ EnricherOption = Annotated[
     typer.Option(
         "--enricher",
         metavar="NAME",
-        help=f"Enrichment method: {', '.join(METHODS.names())}. Default: lift, our network; ray-segment needs no "
-        "training and is faster.",
+        help=f"Enrichment method: {', '.join(METHODS.names())}. Default: ray-segment, fast and without training; lift "
+        "is our network.",
     ),
 ]
 

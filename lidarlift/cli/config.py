@@ -19,5 +19,5 @@ def config(
     A preset or file overrides the defaults, and single settings override both. Cell and voxel sizes that are null are
     chosen from the first scan.
     """
-    settings = load_config(config, set_ or (), input=input and input.value, enricher=enricher)
+    settings = load_config(config, set_ or (), input=input, enricher=enricher)
     print(yaml_text(settings), end="")

@@ -52,7 +52,7 @@ def run(
     from slam.session import read_report
 
     data = reading.opened(dataset)
-    chosen = settings_for(ring_count(data), input and input.value, enricher, config, set_ or ())
+    chosen = settings_for(ring_count(data), input, enricher, config, set_ or ())
     folder = out or default_folder(data, chosen.front_end.input)
     about: Any = {"odometry": odometry, "strict": strict, "command": command_line(), "resume": resume}
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), **about)

@@ -14,7 +14,7 @@ from lidarlift.cli.arguments import one_of
 from lidarlift.cli.console import progress
 from lidarlift.cli.data_options import Stamp
 from slam.data.atomic import require_writable
-from slam.data.sensor_names import SIMULATED
+from slam.data.sensor_names import SENSORS
 from slam.simulation.drive_names import DRIVES
 
 
@@ -54,7 +54,7 @@ def simulate(
     frames: Annotated[int | None, typer.Option(min=1, help="Number of frames. Default: the whole sequence.")] = None,
     sensor: Annotated[
         str,
-        typer.Option(metavar="NAME", callback=one_of(SIMULATED), help=f"The LiDAR: {', '.join(SIMULATED.names())}."),
+        typer.Option(metavar="NAME", callback=one_of(SENSORS), help=f"The LiDAR: {', '.join(SENSORS.names())}."),
     ] = "hdl64",
     rate: Annotated[float, typer.Option(metavar="HZ", help="Rotation rate of the LiDAR, and frame rate.")] = 10.0,
     height: Annotated[

@@ -1,4 +1,4 @@
-"""Fewer lasers out of many: the input of a 16-channel LiDAR, made from the scan of one that has more."""
+"""Subsets of rings: the input of a LiDAR with fewer lasers, made from the scan of one with more."""
 
 from __future__ import annotations
 
@@ -16,40 +16,63 @@ VLP16_RINGS = (5, 11, 17, 23, 29, 34, 38, 42, 46)
 #: Azimuth columns of the HDL-64E: 0.18 degrees each.
 POOL_COLUMNS = 2000
 POOL = 4  # rings averaged into one
-KEPT = 16  # of every-4th, whatever the number of rings
+KEPT = 16  # rings of the sparse input by default, whatever the number of rings
 PATTERNS = ("every-4th", "vlp16", "average-pool")
 
 
-def every_fourth(rings: int, phase: int = 0) -> Array:
-    """Sixteen ring ids (16,) of `rings`, evenly from the top: every 4th of 64, every 2nd of 32, every 8th of 128.
+def evenly(rings: int, kept: int = KEPT, phase: int = 0) -> Array:
+    """Select rings evenly, from the top: for 16 every 4th of 64, every 2nd of 32, every 8th of 128.
 
-    Raises InputError where `phase`, the first that stays, is not smaller than the step.
+    Args:
+        rings: Number of rings.
+        kept: Number of rings that are kept, at most `rings`.
+        phase: Index of the first ring that is kept.
+
+    Returns:
+        (kept,) int64 ring indices, increasing.
+
+    Raises:
+        InputError: `phase` is not smaller than the step between kept rings.
     """
-    step = rings / KEPT
+    step = rings / kept
     if phase not in range(int(step)):
-        raise InputError(f"phase {phase} of the pattern every-4th; 0 to {int(step) - 1} exist for {rings} rings")
-    return np.floor(np.arange(KEPT) * step).astype(np.int64) + phase
+        raise InputError(
+            f"phase {phase} of the pattern every-4th; 0 to {int(step) - 1} exist for {kept} of {rings} rings"
+        )
+    return np.floor(np.arange(kept) * step).astype(np.int64) + phase
 
 
 def drop_rings(
-    cloud: PointCloud, pattern: str = "every-4th", phase: int = 0, sensor: Sensor | None = None, rings: int = 64
+    cloud: PointCloud,
+    pattern: str = "every-4th",
+    phase: int = 0,
+    sensor: Sensor | None = None,
+    rings: int = 64,
+    kept: int = KEPT,
 ) -> PointCloud:
-    """The cloud that a sensor with 16 of the `rings` would have seen.
+    """Return the cloud that a LiDAR with some of the rings would have seen.
 
-    every-4th     rings phase, phase + 4, ... (phase 0..3) of 64 as measured, with the ring ids they had; of another
-                  number see `every_fourth`
-    vlp16         the nine rings next to a VLP-16's beams, as measured, with the ring ids they had
-    average-pool  rings 4g..4g+3 pooled into ring g, see `average_pool`; `sensor` gives the laser lines (HDL-64E)
+    Args:
+        cloud: A cloud with rings.
+        pattern: The rings that are kept. 'every-4th': `kept` of them as measured, with their ring indices (`evenly`),
+            which is every 4th for 16 of 64. 'vlp16': the nine rings of 64 next to a VLP-16's beams, likewise.
+            'average-pool': rings 4g to 4g + 3 of 64 pooled into ring g (`average_pool`).
+        phase: Index of the first ring that every-4th keeps.
+        sensor: Laser lines for average-pool. Default: HDL-64E.
+        rings: Number of rings of the LiDAR.
+        kept: Number of rings that every-4th keeps.
 
-    Raises InputError on an unknown pattern or phase, on a pattern that is made for 64 rings where there are others, and
-    where the cloud has no rings.
+    Raises:
+        InputError: The pattern or the phase is unknown, the pattern is for 16 of 64 rings only, or the cloud has no
+            rings.
     """
     if pattern not in PATTERNS:
         raise InputError(f"unknown ring pattern '{pattern}'{suggest(pattern, PATTERNS)}")
-    if pattern != "every-4th" and rings != 64:
-        text = f"the pattern {pattern} drops rings of 64, and there are {rings}"
-        raise InputError(f"{text}; leave front_end.ring_selection out")
-    kept = every_fourth(rings, phase) if pattern == "every-4th" else VLP16_RINGS
+    if pattern != "every-4th" and (rings, kept) != (64, KEPT):
+        raise InputError(
+            f"the pattern {pattern} selects 16 of 64 rings, not {kept} of {rings}; leave front_end.ring_selection out"
+        )
+    selected = evenly(rings, kept, phase) if pattern == "every-4th" else VLP16_RINGS
     if cloud.ring is None:
         raise InputError(
             "rings cannot be dropped, for nobody knows which laser the points came from; "
@@ -57,18 +80,22 @@ def drop_rings(
         )
     if pattern == "average-pool":
         return average_pool(cloud, sensor or load_sensor("hdl64"))
-    return cloud.select(np.isin(cloud.ring, kept))
+    return cloud.select(np.isin(cloud.ring, selected))
 
 
-def kept_lines(sensor: Sensor, pattern: str = "every-4th", phase: int = 0) -> tuple[Sensor, Array]:
-    """What `drop_rings` leaves of a sensor: the line of every ring id, and the ids that there are (K,), top first."""
+def kept_lines(sensor: Sensor, pattern: str = "every-4th", phase: int = 0, kept: int = KEPT) -> tuple[Sensor, Array]:
+    """Return what `drop_rings` leaves of a LiDAR.
+
+    Returns:
+        The laser line of every ring index, and the indices that are left (K,), top first.
+    """
     if pattern == "average-pool":
         return pooled(sensor), np.arange(-(-sensor.ring_count // POOL))
-    return sensor, np.array(VLP16_RINGS) if pattern == "vlp16" else every_fourth(sensor.ring_count, phase)
+    return sensor, np.array(VLP16_RINGS) if pattern == "vlp16" else evenly(sensor.ring_count, kept, phase)
 
 
 def pooled(sensor: Sensor) -> Sensor:
-    """The mean lines of each POOL neighbouring lasers."""
+    """Return the mean lines of each POOL neighbouring lasers."""
     starts = np.arange(0, sensor.ring_count, POOL)
     count = np.diff(np.append(starts, sensor.ring_count))
     lines = (sensor.elevation, sensor.offset, sensor.azimuth)
@@ -77,13 +104,15 @@ def pooled(sensor: Sensor) -> Sensor:
 
 
 def average_pool(cloud: PointCloud, sensor: Sensor) -> PointCloud:
-    """Four neighbouring rings and one azimuth column made one point: the input of Yue et al., which no sensor gives.
+    """Pool four neighbouring rings and one azimuth column into a point: the input of Yue et al., which no LiDAR gives.
 
     In each of the 0.18 degree columns (the first begins at azimuth -pi) and for each group of rings 4g..4g+3, the
-    returns' ranges, from the lasers' own height, are averaged; empty cells count as nothing, an empty group gives no
-    point. The point lies at the column's middle azimuth on the mean of the four laser lines: mean elevation, mean
-    offset. Intensity, time and sigma are means; colour is left out. Raises InputError where the sensor has fewer
-    rings than the cloud.
+    ranges of the returns, measured from the laser's own height, are averaged; a group without returns gives no point.
+    The point lies at the column's middle azimuth on the mean of the four laser lines. Intensity, time and sigma are
+    means; colour is left out.
+
+    Raises:
+        InputError: The sensor has fewer rings than the cloud.
     """
     assert cloud.ring is not None
     if len(cloud) and int(cloud.ring.max()) >= sensor.ring_count:

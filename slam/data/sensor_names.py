@@ -43,9 +43,3 @@ SENSORS: Registry[Sensor] = Registry(
         "rs-bpearl": "slam.data.sensor_tables:rs_bpearl",
     },
 )
-
-#: Those of which the simulator has a model, power and timing included.
-SIMULATED: Registry[Sensor] = Registry(
-    "simulated sensor",
-    {name: SENSORS.own[name] for name in ("hdl64", "vlp16", "hdl32", "vlp32c", "vls128", "os1-64", "os1-128")},
-)

@@ -156,10 +156,10 @@ def _organised(points: Array, scan: Scan, timing: Timing, none: Array) -> Array:
 
 #: By the names that users give them.
 DRIVERS = {
-    "velodyne": Driver(_velodyne, "end", False, "/velodyne_points", "velodyne", ("vlp", "hdl", "vls")),
+    "velodyne": Driver(_velodyne, "end", False, "/velodyne_points", "velodyne", ("vlp", "hdl", "vls", "puck")),
     "ouster": Driver(_ouster, "start", True, "/ouster/points", "os_sensor", ("os",), dense=False),
-    "hesai": Driver(_hesai, "start", False, "/hesai/pandar", "hesai_lidar"),
-    "robosense": Driver(_robosense, "end", False, "/rslidar_points", "rslidar", dense=False),
+    "hesai": Driver(_hesai, "start", False, "/hesai/pandar", "hesai_lidar", ("pandar", "xt", "qt")),
+    "robosense": Driver(_robosense, "end", False, "/rslidar_points", "rslidar", ("rs-",), dense=False),
     "livox": Driver(_livox, "start", True, "/livox/lidar", "livox_frame"),
 }
 

@@ -62,17 +62,37 @@ class Head:
     hidden: tuple[tuple[int, int, int, int], ...] = ()
 
 
+FINE = np.deg2rad(0.01)  # step of the angles that most makers report [rad]
+
+
+def _ouster(nearest: float, farthest: float, asphalt: float) -> Head:
+    return Head(1024, nearest, farthest, asphalt, 2 * np.pi / 90112, 0.008, 0.015, together=True)
+
+
+OS0, OS1, OS2 = _ouster(0.3, 50.0, 18.0), _ouster(0.5, 120.0, 38.0), _ouster(0.8, 240.0, 75.0)
 #: Columns, ranges and encoders as manuals and data sheets have them. Beyond the HDL-64E, the distance on asphalt and
 #: the share of the range error that is a laser's own are plausible, not measured: in the order of the ranges to a dark
 #: target (10 %), within the accuracy of 3 cm that all promise.
 HEADS = {
     "hdl64": Head(2156, 0.9, 80.0, 58.0, np.deg2rad(0.09), hidden=KITTI_CAR),
-    "vlp16": Head(1800, 0.5, 100.0, 40.0, np.deg2rad(0.01)),  # user manual 63-9243
-    "hdl32": Head(2170, 1.0, 100.0, 40.0, np.deg2rad(0.01)),  # user manual 63-9113; a cycle takes 46.08 us
-    "vlp32c": Head(1800, 1.0, 200.0, 60.0, np.deg2rad(0.01), 0.015, 0.012),  # user manual 63-9325
-    "vls128": Head(1876, 0.5, 245.0, 75.0, np.deg2rad(0.01), 0.015, 0.012),  # a cycle takes 53.3 us
-    "os1-64": Head(1024, 0.5, 120.0, 38.0, 2 * np.pi / 90112, 0.008, 0.015, together=True),
-    "os1-128": Head(1024, 0.5, 120.0, 38.0, 2 * np.pi / 90112, 0.008, 0.015, together=True),
+    "vlp16": Head(1800, 0.5, 100.0, 40.0, FINE),  # user manual 63-9243
+    "hdl32": Head(2170, 1.0, 100.0, 40.0, FINE),  # user manual 63-9113; a cycle takes 46.08 us
+    "vlp32c": Head(1800, 1.0, 200.0, 60.0, FINE, 0.015, 0.012),  # user manual 63-9325
+    "vls128": Head(1876, 0.5, 245.0, 75.0, FINE, 0.015, 0.012),  # a cycle takes 53.3 us
+    "puck-hires": Head(1800, 0.5, 100.0, 40.0, FINE),
+    **{f"os0-{rings}": OS0 for rings in (16, 32, 64, 128)},
+    **{f"os1-{rings}": OS1 for rings in (16, 32, 64, 128)},
+    **{f"os2-{rings}": OS2 for rings in (16, 32, 64, 128)},
+    "pandar40p": Head(1800, 0.3, 200.0, 60.0, FINE, 0.015, 0.012),
+    "pandar64": Head(1800, 0.3, 200.0, 60.0, FINE, 0.015, 0.012),
+    "xt16": Head(2000, 0.3, 120.0, 45.0, FINE, 0.008, 0.008),
+    "xt32": Head(2000, 0.3, 120.0, 45.0, FINE, 0.008, 0.008),
+    "qt64": Head(600, 0.1, 60.0, 15.0, FINE, 0.015, 0.012),
+    "rs-16": Head(1800, 0.4, 150.0, 45.0, FINE, 0.015, 0.012),
+    "rs-32": Head(1800, 0.4, 200.0, 60.0, FINE, 0.015, 0.012),
+    "rs-helios": Head(1800, 0.2, 150.0, 55.0, FINE, 0.015, 0.012),
+    "rs-ruby": Head(1800, 0.4, 250.0, 80.0, FINE, 0.015, 0.012),
+    "rs-bpearl": Head(1800, 0.1, 100.0, 30.0, FINE, 0.015, 0.012),
 }
 
 

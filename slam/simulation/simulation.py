@@ -22,7 +22,7 @@ from slam.data.conventions import INSTANTS
 from slam.data.errors import InputError
 from slam.data.machine import usable_cores
 from slam.data.recordings.writer import FORMS
-from slam.data.sensor_names import SIMULATED
+from slam.data.sensor_names import SENSORS
 from slam.data.yaml_files import suggest
 from slam.simulation.drive_names import DRIVES
 from slam.simulation.drivers import DRIVERS, Timing, usual_driver
@@ -86,7 +86,7 @@ class SimulationConfig:
         Raises:
             InputError: A value does not exist, or two settings conflict.
         """
-        SIMULATED.require(self.sensor)
+        SENSORS.require(self.sensor)
         if self.format not in FORMATS or self.stamp not in (None, *INSTANTS):
             raise InputError(
                 f"format '{self.format}', stamp '{self.stamp}': {', '.join(FORMATS)}; {', '.join(INSTANTS)}"

@@ -12,12 +12,12 @@ import pytest
 
 from benchmarks.common import page as pages
 from benchmarks.common.page import surroundings, target, verdict
-from benchmarks.enriched.tracks import Runner, apart, front_ends, rmse
 from benchmarks.loops import places
 from benchmarks.loops.back_end import online, solved
 from benchmarks.loops.pose_graphs import grown
 from benchmarks.mapping import moving_objects
 from benchmarks.odometry.names import CHANNELS, REFERENCE, SYSTEMS
+from benchmarks.odometry.tracks import Runner, apart, front_ends, rmse
 from enrichment.interpolation.ray_segment import RaySegment
 from slam.data.cloud import Array
 from slam.data.dataset import open_dataset

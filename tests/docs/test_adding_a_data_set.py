@@ -22,7 +22,7 @@ def test_the_package_and_the_commands_of_the_page(
     np.savez(sequences / "other.npz", stamps=np.zeros(1), points_0=street_scans[0])
     places = {"my_sequences/street.npz": sequences / "street.npz", "my_sequences": sequences}
     assert page("adding-a-data-set.md").run(lidarlift, places) == 2
-    for name, channels in (("street", "64"), ("enriched", "enriched")):
+    for name, channels in (("street", "full"), ("enriched", "enriched")):
         report = json.loads((tmp_path / "runs" / name / "run.json").read_text())
         assert report["protocol"]["dataset"] == "street"
         assert report["protocol"]["input"] == channels

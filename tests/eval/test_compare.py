@@ -21,9 +21,9 @@ def test_comparison_has_the_figures_of_each_input(run_folder):
     assert (sixteen.frames, sixteen.failed, sixteen.loops, sixteen.path_m) == (101, 2, 7, 101.0)
     assert (sixteen.map_points, sixteen.points_per_scan) == (1_234_567, 10_000)
     assert (sixteen.front_end_ms, sixteen.odometry_ms) == (1.25, 12.5)
-    assert sixteen.to_64_m == pytest.approx(sixteen.ate_m, abs=1e-6)
+    assert sixteen.to_full_m == pytest.approx(sixteen.ate_m, abs=1e-6)
     assert sixteen.table_iii_m.mean == pytest.approx(0.01)
-    assert sixty_four.to_64_m is None
+    assert sixty_four.to_full_m is None
     assert (sixty_four.ate_m, sixty_four.failed) == (pytest.approx(0, abs=1e-9), 0)
 
 
@@ -43,10 +43,10 @@ def test_compare_json_keeps_its_keys(run_folder, tmp_path):
         assert list(figures) == [
             "ate_m", "table_iii_m", "rpe_m", "rpe_deg", "drift_percent", "drift_deg_per_100m", "drift_name", "notes",
             "path_m", "frames", "failed", "loops", "map_points", "points_per_scan", "front_end_ms", "odometry_ms",
-            "to_64_m",
+            "to_full_m",
         ]  # fmt: skip
         assert list(figures["table_iii_m"]) == ["rmse", "mean", "median", "std", "min", "max", "sse"]
-    assert content["inputs"]["64"]["to_64_m"] is None
+    assert content["inputs"]["64"]["to_full_m"] is None
 
 
 def test_the_table_has_a_row_per_input(run_folder):

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lidarlift.comparing import available_inputs
-from lidarlift.front_ends import front_end_for, front_end_maker, settings_for
+from enrichment.enricher import Enricher
+from lidarlift.comparing import available_inputs, comparison_title, rows_for
+from lidarlift.front_ends import front_end_for, front_end_maker, front_end_notes, settings_for
 from slam.config import load_config
 from slam.data.cloud import Array
 from slam.data.dataset import open_dataset, ring_count
@@ -84,7 +85,9 @@ def test_sixteen_rings_of_a_lidar_that_nobody_names(tmp_path: Path, rings: int, 
     assert cloud.xyz[cloud.ring == 0, 2].min() > 2  # the uppermost is ring 0, and stays
 
 
-@pytest.mark.parametrize(("rings", "default"), [(None, "64"), (16, "16"), (32, "full"), (64, "64"), (128, "full")])
+@pytest.mark.parametrize(
+    ("rings", "default"), [(None, "full"), (8, "full"), (16, "16"), (32, "full"), (64, "64"), (128, "full")]
+)
 def test_all_rings_are_taken_where_nothing_is_asked_for(rings: int | None, default: str) -> None:
     assert settings_for(rings).front_end.input == default
     assert settings_for(rings, "full").front_end.input == "full"
@@ -100,14 +103,59 @@ def test_64_is_of_64_rings(rings: int) -> None:
     ("name", "inputs"),
     [
         ("vlp16", ["16", "enriched"]),
-        ("hdl32", ["16", "enriched", "64"]),
+        ("hdl32", ["16", "enriched", "full"]),
         ("hdl64", ["16", "enriched", "64"]),
-        ("os0-128", ["16", "64"]),
+        ("os0-128", ["16", "enriched", "full"]),
     ],
 )
 def test_what_can_be_compared(tmp_path: Path, name: str, inputs: list[str]) -> None:
     np.save(tmp_path / "0.npy", np.ones((50, 4), np.float32))
     assert available_inputs(UserFolder(tmp_path, name)) == inputs
+
+
+def test_a_lidar_without_rings_has_only_the_full_scan(tmp_path: Path) -> None:
+    np.save(tmp_path / "0.npy", np.ones((50, 4), np.float32))
+    data = UserFolder(tmp_path)
+    assert available_inputs(data) == ["full"]
+    title = comparison_title(data, rows_for(["full"]), slice(None))
+    assert "1 frames, not enriched: the scans have no rings, and the laser lines are unknown; name the LiDAR" in title
+
+
+def test_a_lidar_whose_lines_are_unknown_is_not_enriched(tmp_path: Path) -> None:
+    data = ring_drive(tmp_path, 16)
+    assert available_inputs(data) == ["16"]
+    settings = load_config(input="enriched").front_end
+    with pytest.raises(InputError, match=r"no enrichment: the laser lines are unknown; name the LiDAR"):
+        front_end_for(settings, data.sensor, data.path, ring_count(data))
+
+
+@pytest.mark.parametrize(("rings", "name"), [(32, "48"), (16, "32"), (40, "64")])
+def test_more_rings_than_there_are(rings: int, name: str) -> None:
+    with pytest.raises(InputError, match=f"--input {name}: the LiDAR has {rings} rings; use --input full"):
+        settings_for(rings, name)
+
+
+def test_a_configuration_states_the_input() -> None:
+    assert settings_for(32, config="paper").front_end.input == "16"
+    assert settings_for(32, overrides=["front_end.input=8"]).front_end.input == "8"
+    assert settings_for(32, "full", overrides=["front_end.input=8"]).front_end.input == "full"
+
+
+def test_lift_leaves_gaps_unlike_those_of_its_training_to_ray_segment() -> None:
+    settings = load_config(input="enriched", enricher="lift").front_end
+    assert front_end_notes(settings, load_sensor("vlp16")) == ()
+    assert front_end_notes(settings, load_sensor("hdl64")) == ()
+    (note,) = front_end_notes(settings, load_sensor("vlp32c"))
+    assert note.startswith("lift: 20 of the 31 gaps between rings are not between 0.6 and 4.3 deg wide")
+    assert front_end_notes(load_config(input="enriched").front_end, load_sensor("vlp32c")) == ()
+
+
+def test_some_rings_of_a_dense_lidar_are_enriched() -> None:
+    settings = load_config(input="enriched", overrides=["front_end.enriched_rings=16"]).front_end
+    enricher = front_end_for(settings, load_sensor("os1-128"), "sequence")
+    assert isinstance(enricher, Enricher)
+    assert enricher.rings.tolist() == list(range(0, 128, 8))
+    assert enricher.target.ring_count == 128
 
 
 @pytest.mark.parametrize("method", ["ray-segment", "lift"])

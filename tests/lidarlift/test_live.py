@@ -99,7 +99,7 @@ def test_non_finite_points_are_removed_and_counted(street_scans: list[Array]) ->
 
 
 def test_enrichment_without_a_sensor_is_an_error() -> None:
-    with pytest.raises(lidarlift.InputError, match=r"live: enrichment needs the laser lines"):
+    with pytest.raises(lidarlift.InputError, match=r"live: no enrichment: .*laser lines"):
         lidarlift.Slam(input="enriched")
 
 

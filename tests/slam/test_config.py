@@ -151,7 +151,8 @@ def test_an_invalid_value_is_an_error(override: str, key: str) -> None:
 
 
 def test_an_unknown_input_is_an_error() -> None:
-    assert "front_end.input" in refusal(input="32")
+    for wrong in ("sparse", "1", "-16", "1.5", ""):
+        assert "front_end.input" in refusal(input=wrong)
 
 
 def test_icp_requires_scan_to_scan() -> None:

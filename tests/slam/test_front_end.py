@@ -99,11 +99,22 @@ def test_16_of_any_number_of_rings(rings: int, kept: list[int], known: str) -> N
 
 
 @pytest.mark.parametrize(
+    ("rings", "wanted", "kept"),
+    [(64, 32, range(0, 64, 2)), (128, 32, range(0, 128, 4)), (32, 8, range(0, 32, 4)), (32, 32, range(32))],
+)
+def test_any_number_of_rings(rings: int, wanted: int, kept: range) -> None:
+    for settings in (FrontEndSettings(input=str(wanted)), FrontEndSettings(input="enriched", enriched_rings=wanted)):
+        given = RingFrontEnd(settings, rings=rings)(Frame(0, 0.0, cloud_of(rings)), [])
+        assert given.ring is not None
+        assert given.ring.tolist() == list(kept)
+
+
+@pytest.mark.parametrize(
     ("rings", "setting", "fault"),
     [
-        (32, {"phase": 2}, "0 to 1 exist for 32 rings"),
-        (128, {"ring_selection": "vlp16"}, "drops rings of 64, and there are 128"),
-        (40, {"ring_selection": "average-pool"}, "drops rings of 64, and there are 40"),
+        (32, {"phase": 2}, "0 to 1 exist for 16 of 32 rings"),
+        (128, {"ring_selection": "vlp16"}, "selects 16 of 64 rings, not 16 of 128"),
+        (40, {"ring_selection": "average-pool"}, "selects 16 of 64 rings, not 16 of 40"),
     ],
 )
 def test_patterns_of_other_numbers_of_rings_are_refused_at_once(

@@ -16,7 +16,14 @@ Command = Callable[..., Any]
 
 @pytest.mark.parametrize(
     "arguments",
-    [("walk",), ("run",), ("run", "x", "--input", "32"), ("run", "x", "--no-such"), ("export", "r"), ("evaluate", "a")],
+    [
+        ("walk",),
+        ("run",),
+        ("run", "x", "--input", "x"),
+        ("run", "x", "--no-such"),
+        ("export", "r"),
+        ("evaluate", "a"),
+    ],
 )
 def test_usage_errors_exit_with_2(lidarlift: Command, arguments: tuple[str, ...]) -> None:
     result = lidarlift(*arguments)

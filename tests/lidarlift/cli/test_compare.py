@@ -43,15 +43,18 @@ def test_ray_segment_gets_a_row_next_to_another_enricher(lidarlift: Command, str
     assert "3 frames, enriched by joint" in result.out
 
 
-def test_lift_is_the_default_enricher(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
-    assert lidarlift("run", street_drive(), "--input", "enriched", "--out", "r", "--frames", "0:2").code == 0
-    assert enricher_of(Path("r")) == "lift"
+def test_ray_segment_is_the_default_enricher(lidarlift: Command, street_drive: Callable[..., Path]) -> None:
+    sequence = street_drive()
+    for name, words in {"ray-segment": "", "lift": "--enricher lift"}.items():
+        result = lidarlift("run", sequence, "--input", "enriched", *words.split(), "--out", name, "--frames", "0:2")
+        assert result.code == 0
+        assert enricher_of(Path(name)) == name
 
 
 @pytest.mark.parametrize("there", [True, False])
 def test_a_network_without_weights_is_replaced_by_ray_segment(there: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("enrichment.methods.onnx_network.has_weights", lambda _: there)
-    assert list(rows_for(INPUTS)) == ["16", *(["ray-segment"] if there else []), "enriched", "64"]
+    assert list(rows_for(INPUTS, "lift")) == ["16", *(["ray-segment"] if there else []), "enriched", "64"]
 
 
 def test_run_json_names_the_enricher_that_was_used(
@@ -62,7 +65,8 @@ def test_run_json_names_the_enricher_that_was_used(
 ) -> None:
     """Without the weights ray-segment does, and nothing is called Lift's."""
     monkeypatch.setattr("enrichment.methods.onnx_network.has_weights", lambda _: False)
-    assert lidarlift("run", street_drive(), "--input", "enriched", "--out", "r", "--frames", "0:2").code == 0
+    options = "--input", "enriched", "--enricher", "lift", "--out", "r", "--frames", "0:2"
+    assert lidarlift("run", street_drive(), *options).code == 0
     assert enricher_of(Path("r")) == "ray-segment"
     assert [record.getMessage() for record in caplog.records] == [
         "lift: the weights are not installed; ray-segment is used instead"

@@ -41,8 +41,8 @@ def test_the_demo_compares_all_inputs(lidarlift: Command, simulated: list[Simula
         assert f"{folder}: map.pcd" in result.out
     assert inputs["16"]["points_per_scan"] * 4 == inputs["64"]["points_per_scan"]
     assert inputs["16"]["points_per_scan"] < inputs["enriched"]["points_per_scan"] < inputs["64"]["points_per_scan"]
-    assert inputs["64"]["to_64_m"] is None
-    assert 0 < inputs["enriched"]["to_64_m"] < 0.1
+    assert inputs["64"]["to_full_m"] is None
+    assert 0 < inputs["enriched"]["to_full_m"] < 0.1
     assert "| enriched |" in Path("d/compare.md").read_text()
     assert "d/compare.json" in result.out
     assert "simulated town" in result.err

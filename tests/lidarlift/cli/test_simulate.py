@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from slam.data.sensor_names import SIMULATED
+from slam.data.sensor_names import SENSORS
 from slam.simulation.drive_names import DRIVES
 from slam.simulation.simulation import SimulationConfig
 
@@ -78,7 +78,7 @@ def test_conflicting_options_are_an_error_in_one_line(lidarlift: Command) -> Non
 
 def test_help_lists_scenes_and_lidars(lidarlift: Command) -> None:
     words = " ".join(lidarlift("simulate", "--help").out.replace("│", " ").split())
-    for name in (*DRIVES.names(), *SIMULATED.names()):
+    for name in (*DRIVES.names(), *SENSORS.names()):
         assert name in words
 
 

@@ -9,7 +9,7 @@ from slam.data import se3
 from slam.data.beams import nearest_rings, recover_rings, turn_times
 from slam.data.cloud import PointCloud
 from slam.data.distortion import deskew
-from slam.data.sensor_names import SIMULATED
+from slam.data.sensor_names import SENSORS
 from slam.simulation.heads import HEADS, Lidar
 from slam.simulation.lidar import Scan, exact_scan, scan
 from slam.simulation.materials import INDEX, MATERIALS
@@ -245,4 +245,4 @@ def test_an_os1_fires_all_lasers_at_once_and_a_velodyne_one_after_the_other() ->
 
 
 def test_every_sensor_to_simulate_has_a_head() -> None:
-    assert list(HEADS) == SIMULATED.names()
+    assert list(HEADS) == SENSORS.names()
