@@ -61,6 +61,27 @@ class MappingResult:
         return corrected_poses(poses, self.keyframes.indices, self.keyframes.poses, self.poses) if self.loops else poses
 
 
+@dataclass(frozen=True, eq=False)
+class LoopProgress:
+    """The loops that are closed so far, before they are selected jointly at the end.
+
+    Attributes:
+        indices: (K,) positions in the run of the keyframes so far.
+        odometry: (K, 4, 4) their odometry poses T_world_keyframe.
+        optimised: (K, 4, 4) the poses with the loops.
+        loops: Positions in the run of the two frames of each loop, the earlier one first.
+    """
+
+    indices: Array
+    odometry: Array
+    optimised: Array
+    loops: tuple[tuple[int, int], ...]
+
+    def corrected(self, poses: Array) -> Array:
+        """Correct odometry poses (N, 4, 4) of frames 0, 1 .., as `corrected_poses`."""
+        return corrected_poses(poses, self.indices, self.odometry, self.optimised)
+
+
 @dataclass
 class Mapper:
     """Builds a `MappingResult` from registered scans.
@@ -71,11 +92,13 @@ class Mapper:
     Attributes:
         config: The settings.
         journal: Receives keyframes, edges and loops; a mapper continues from its snapshot, if it has one.
+        on_loops: Called in the thread when loops are closed, with all loops so far.
         milliseconds: Run times by the stages `STAGES`.
     """
 
     config: Config
     journal: Journal | None = None
+    on_loops: Callable[[LoopProgress], None] | None = None
     milliseconds: dict[str, list[float]] = field(default_factory=lambda: {stage: [] for stage in STAGES})
 
     def __post_init__(self) -> None:
@@ -89,6 +112,7 @@ class Mapper:
         self._travelled, self._last = 0.0, np.zeros(3)
         self._covariance = np.zeros((6, 6))  # sum of the registration covariances since the last keyframe
         self._motion: tuple[Array, Array] | None = None  # of the keyframe that is not complete, since the one before
+        self._closed: list[tuple[int, int]] = []  # keyframes of the loops so far
         if self.journal and state:
             self._restore(self.journal, state["mapper"])
 
@@ -193,6 +217,7 @@ class Mapper:
             if self._record:
                 self._record.edge(self._back_end.odometry[-1])
         graph, loops, travelled = time.perf_counter() - begin, 0.0, self._keyframes.travelled
+        before = len(self._closed)
         while self.config.loops.enabled and len(self._search) < count:
             if travelled[len(self._search)] + radius > travelled[-1]:
                 break
@@ -207,11 +232,19 @@ class Mapper:
                     self._record.loop(candidate, verification)
                 if verification.accepted:
                     self._back_end.add_loop(candidate, verification.covariance)
+                    self._closed.append((candidate.i, candidate.j))
                 else:
                     self._back_end.reject(candidate, verification.reason)
             graph += time.perf_counter() - begin
         self.milliseconds["loops"].append(1e3 * loops)
         self.milliseconds["back_end"].append(1e3 * graph)
+        if self.on_loops and len(self._closed) > before:
+            self.on_loops(self._progress())
+
+    def _progress(self) -> LoopProgress:
+        indices = self._keyframes.indices
+        loops = tuple((int(indices[i]), int(indices[j])) for i, j in self._closed)
+        return LoopProgress(indices, self._keyframes.poses, self._optimised(), loops)
 
     def _motion_since(self, before: Keyframe, pose: Array) -> tuple[Array, Array]:
         """Motion (4, 4) to `pose` since a keyframe, and its covariance (6, 6): registration plus drift."""
@@ -232,6 +265,8 @@ class Mapper:
         self._keyframes.restore(state["keyframes"])
         self._search.restore(*places(journal.file, self.config))
         add_edges(journal.file, self._back_end)
+        edges = self._back_end.graph().edges[len(self._back_end.odometry) :]
+        self._closed = [(edge.i, edge.j) for edge in edges]
 
 
 def drift_per_metre(settings: PoseGraphSettings) -> Array:

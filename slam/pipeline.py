@@ -32,7 +32,7 @@ from slam.mapper import Mapper
 from slam.mid_sweep import MidSweepOdometry
 from slam.odometry import Odometry, OdometryStep
 from slam.recorded_odometry import RecordedOdometry
-from slam.run import FrameRecord, Run, Source
+from slam.run import FrameRecord, Observer, Run, Source
 from slam.settings import Config, FrontEndSettings
 from slam.tracking import PoseSource, Tracker
 
@@ -58,6 +58,7 @@ class Slam:
         strict: Raise an error at the first problem of a frame.
         journal: Receives all that the run finds out. If it has a snapshot, the run continues from there: the next frame
             is the one after those in `result`.
+        observer: Watches the run.
 
     Raises:
         InputError: `config` requires rings that the sensor does not have, or the journal is damaged.
@@ -74,6 +75,7 @@ class Slam:
         odometry: PoseSource | None = None,
         strict: bool = False,
         journal: Journal | None = None,
+        observer: Observer | None = None,
     ) -> None:
         config, source = config or Config(), source or Source()
         if front_end is None and config.front_end.input == "enriched":
@@ -88,7 +90,10 @@ class Slam:
             or MidSweepOdometry(Odometry(config.odometry, sweep_duration=sweep_duration, vertical_correction=angle)),
             config.front_end.deskew,
         )
-        self._mapper, self._journal = Mapper(config, journal), journal
+        self._mapper = Mapper(config, journal, observer.loops_closed if observer else None)
+        self._journal, self._observer = journal, observer
+        if observer:
+            observer.started(self.result)
         self._waiting: list[tuple[int, Frame, PointCloud]] = []  # with provisional poses; their positions
         self._images: list[ReportingReader] = []  # without a problem so far; reading them may find damage
         self._late_problems: list[Problem] = []  # of images that were read for keyframes before the run was resumed
@@ -163,6 +168,8 @@ class Slam:
             self._write_problems(self._journal)
             if self._journal.snapshot_due():
                 self._snapshot(self._journal, frame)
+        if self._observer:
+            self._observer.registered(frame, step.cloud, self.result.records[-1])
         return self.result.records[-1]
 
     @contextmanager
@@ -230,6 +237,8 @@ class Slam:
                 self.result.problems.extend(self._late_problems)
                 self._add_image_problems(self._images)
                 self.result.problems.extend(world_frame_problem(np.array(self._centres), self.result.odometry_poses))
+                if self._observer:
+                    self._observer.finished(self.result)
             return self.result
 
     def _add_image_problems(self, images: Sequence[ReportingReader]) -> None:
@@ -261,6 +270,7 @@ class Pipeline:
         recorded: RecordedOdometry | None = None,
         strict: bool = False,
         journal: Journal | None = None,
+        observer: Observer | None = None,
         on_frame: Callable[[FrameRecord], None] | None = None,
         on_odometry: Callable[[Run], None] | None = None,
         on_stop: Callable[[Run], None] | None = None,
@@ -273,6 +283,7 @@ class Pipeline:
             recorded: Poses of another odometry, in place of ours.
             strict: Raise an error at the first problem of the data.
             journal: As in `Slam`; the run continues from its snapshot, if it has one.
+            observer: Watches the run.
             on_frame: Called after each frame, and before the first one for each frame of the snapshot.
             on_odometry: Called when all frames are registered. The selection of loops and the map follow, and may take
                 minutes.
@@ -290,10 +301,8 @@ class Pipeline:
         about: Any = {"sweep_duration": sweep, "vertical_correction": angle}
         odometry = recorded.steps(positions, **about) if recorded else None
         front_end = self.make_front_end() if self.make_front_end else None
-        slam = Slam(
-            self.config, front_end, source=source, sweep_duration=sweep, odometry=odometry, strict=strict,
-            journal=journal,
-        )  # fmt: skip
+        about = {"source": source, "sweep_duration": sweep, "odometry": odometry, "strict": strict, "journal": journal}
+        slam = Slam(self.config, front_end, **about, observer=observer)
         problems = (*dataset.problems, *(recorded.problems if recorded else ()))
         _raise_if_strict(problems, strict)
         done = len(slam.result.records)
@@ -340,6 +349,7 @@ def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
     """
     positions = chosen_positions(dataset, frames)
     truth = None if dataset.ground_truth is None else dataset.ground_truth[positions]
+    true_positions: Array | None = getattr(dataset, "true_positions", None)
     return Source(
         dataset.name,
         dataset.path,
@@ -351,6 +361,7 @@ def source_of(dataset: Dataset, frames: slice = slice(None)) -> Source:
         getattr(dataset, "point_times", None),
         getattr(dataset, "stamps_from", None),
         getattr(dataset, "topics", {}),
+        None if true_positions is None else true_positions[positions],
     )
 
 
