@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from types import TracebackType
 from typing import Any, Self
 
@@ -25,12 +26,13 @@ from slam.mapping.global_map import build_map
 from slam.mapping.keyframes import Keyframe, Keyframes
 from slam.mapping_record import MappingRecord, add_edges, kept_keyframes, places
 from slam.odometry import OdometryStep
+from slam.segments import GAP_COVARIANCE, SEGMENT_DISTANCE, segment_starts, segments_note, unjoined
 from slam.settings import Config, PoseGraphSettings
 
 MIN_TRAVELLED = 0.5  # m, lower bound of the distance in the drift model: a vehicle may turn on the spot
 MAX_QUEUED_SCANS = 20  # the odometry blocks when mapping is this many scans behind: bounds the memory
 STAGES = ("map", "loops", "back_end")
-STATE = ("milliseconds", "_travelled", "_last", "_covariance", "_motion")  # attributes in a snapshot
+STATE = ("milliseconds", "_travelled", "_last", "_covariance", "_motion", "_lost")  # attributes in a snapshot
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +60,23 @@ class MappingResult:
 
     def corrected(self, poses: Array) -> Array:
         """Correct odometry poses (N, 4, 4) of frames 0, 1 .. by the corrections of the keyframes before and after."""
-        return corrected_poses(poses, self.keyframes.indices, self.keyframes.poses, self.poses) if self.loops else poses
+        if not self.loops:
+            return poses
+        indices = self.keyframes.indices
+        return corrected_poses(poses, indices, self.keyframes.poses, self.poses, indices[self._starts].tolist())
+
+    def segments_note(self, frames: Array) -> str:
+        """Say where the odometry began new segments, and which of them loops join; '' for a single one.
+
+        Args:
+            frames: (N,) numbers of the run's frames in the data set.
+        """
+        loops = self.graph.edges[len(self.poses) - 1 :] if len(self.poses) else ()
+        return segments_note(self._starts, frames[self.keyframes.indices], unjoined(self._starts, loops))
+
+    @property
+    def _starts(self) -> list[int]:
+        return segment_starts(self.graph.edges[: max(len(self.poses) - 1, 0)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +130,7 @@ class Mapper:
         self._travelled, self._last = 0.0, np.zeros(3)
         self._covariance = np.zeros((6, 6))  # sum of the registration covariances since the last keyframe
         self._motion: tuple[Array, Array] | None = None  # of the keyframe that is not complete, since the one before
+        self._lost = False  # whether the next keyframe begins a segment
         self._closed: list[tuple[int, int]] = []  # keyframes of the loops so far
         if self.journal and state:
             self._restore(self.journal, state["mapper"])
@@ -181,6 +200,8 @@ class Mapper:
         self._travelled += float(np.linalg.norm(step.pose[:3, 3] - self._last))
         self._last = step.pose[:3, 3]
         self._covariance = self._covariance + step.covariance
+        if step.restarted:
+            self._end_segment()
         if step.status == "failed":
             return
         begins = self._keyframes.begins(step.pose)
@@ -190,8 +211,16 @@ class Mapper:
         if done is not None:
             self._close(self.config.loops.verification.query_submap_radius)
         if begins:
-            self._motion = self._motion_since(done, step.pose) if done is not None else None
-            self._covariance = np.zeros((6, 6))
+            self._motion = self._motion_since(self._keyframes[-1], step.pose) if len(self._keyframes) else None
+            self._covariance, self._lost = np.zeros((6, 6)), False
+
+    def _end_segment(self) -> None:
+        """Complete the current keyframe; the next one begins a new segment at an unknown place."""
+        if self._keyframes.finish() is not None:
+            self._close(self.config.loops.verification.query_submap_radius)
+            self._motion = None
+        self._travelled += SEGMENT_DISTANCE
+        self._lost = True
 
     def _optimised(self) -> Array:
         """Poses of the keyframes (K, 4, 4): the odometry poses until a loop is closed."""
@@ -201,7 +230,8 @@ class Mapper:
     def _corrected(self, poses: Array) -> Array:
         if not self._back_end.has_loops:
             return poses
-        return corrected_poses(poses, self._keyframes.indices, self._keyframes.poses, self._optimised())
+        indices, starts = self._keyframes.indices, segment_starts(self._back_end.odometry)
+        return corrected_poses(poses, indices, self._keyframes.poses, self._optimised(), indices[starts].tolist())
 
     def _finish(self) -> None:
         self._keyframes.finish()
@@ -249,7 +279,7 @@ class Mapper:
     def _motion_since(self, before: Keyframe, pose: Array) -> tuple[Array, Array]:
         """Motion (4, 4) to `pose` since a keyframe, and its covariance (6, 6): registration plus drift."""
         distance = max(self._travelled - before.travelled, MIN_TRAVELLED)
-        drift = distance * drift_per_metre(self.config.pose_graph)
+        drift = GAP_COVARIANCE if self._lost else distance * drift_per_metre(self.config.pose_graph)
         return se3.normalized(se3.inverse(before.pose) @ pose), self._covariance + drift
 
     def _snapshot(self, parts: dict[str, Any], counts: dict[str, int], late: Callable[[], Any]) -> None:
@@ -275,7 +305,9 @@ def drift_per_metre(settings: PoseGraphSettings) -> Array:
     return np.diag(sigma**2)
 
 
-def corrected_poses(poses: Array, indices: Array, keyframes: Array, optimised: Array) -> Array:
+def corrected_poses(
+    poses: Array, indices: Array, keyframes: Array, optimised: Array, starts: Sequence[int] = ()
+) -> Array:
     """Correct the poses of frames by the optimised poses of their keyframes.
 
     The odometry gives the pose of a frame relative to the keyframe before and to the one after; the corrected pose
@@ -287,10 +319,18 @@ def corrected_poses(poses: Array, indices: Array, keyframes: Array, optimised: A
         indices: (K,) frames of the keyframes, increasing.
         keyframes: (K, 4, 4) odometry poses of the keyframes.
         optimised: (K, 4, 4) optimised poses of the keyframes.
+        starts: Frames at which new segments begin, each with a keyframe: nothing is interpolated across.
 
     Returns:
-        (N, 4, 4). Frames before the first or after the last keyframe move rigidly with it.
+        (N, 4, 4). Frames before the first or after the last keyframe of a segment move rigidly with it.
     """
+    if len(starts):
+        parts = []
+        for begin, end in pairwise((0, *starts, len(poses))):
+            inside = (indices >= begin) & (indices < end)
+            own = (indices[inside] - begin, keyframes[inside], optimised[inside])
+            parts.append(corrected_poses(poses[begin:end], *own))
+        return np.concatenate(parts)
     before, after, share = se3.neighbours(indices, np.arange(len(poses)))
     start, end = (optimised[near] @ (se3.inverse(keyframes[near]) @ poses) for near in (before, after))
     return se3.blend(start, end, share)

@@ -19,6 +19,7 @@ from slam.mapper import corrected_poses
 from slam.mapping.global_map import build_map
 from slam.mapping.keyframes import Keyframe, Keyframes
 from slam.mapping_record import add_edges, kept_keyframes
+from slam.segments import segment_starts
 from slam.session import SESSION, UNFINISHED
 from slam.settings import Config
 
@@ -84,7 +85,8 @@ def recovered(path: Path) -> Recovered:
     if back_end.has_loops:
         back_end.settle()
         optimised = own[0] @ back_end.poses()
-        poses = corrected_poses(poses, keyframes.indices, own, optimised)
+        starts = keyframes.indices[segment_starts(back_end.odometry)].tolist()
+        poses = corrected_poses(poses, keyframes.indices, own, optimised, starts)
     stamps = np.array([record.stamp for record in records])
     return Recovered(stamps, poses, T_camera0_lidar, keyframes, optimised, config)
 

@@ -6,6 +6,7 @@ import threading
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -239,3 +240,59 @@ def test_an_exception_of_the_mapper_is_raised_by_the_next_frame(
         with pytest.raises(MemoryError, match="no room"):
             it.add(frames[2])
         assert len(it.result.records) == 2
+
+
+CARRIED, AGAIN = 48, 20  # metre at which the sensor is carried back, and the metre where it goes on
+
+
+class Carried:
+    """Odometry that loses its way when the sensor is carried to another place, and restarts five scans later."""
+
+    sizes = None
+
+    def __init__(self, places: list[int]) -> None:
+        self._places, self._next = places, 0
+        self._shift = se3.exp(np.array([0, 0, 0.3, 4.0, 2.0, 0]))  # of what follows: the odometry goes on as before
+
+    def predict(self, stamp: float) -> Array:
+        pose = way()[self._places[self._next]]
+        if self._next < CARRIED:
+            return pose
+        return way()[CARRIED] @ self._shift @ se3.inverse(way()[AGAIN]) @ pose
+
+    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
+        pose = self.predict(stamp)
+        lost = CARRIED <= self._next < CARRIED + 5
+        restarted, self._next = self._next == CARRIED + 4, self._next + 1
+        status: Literal["failed", "registered"] = "failed" if lost else "registered"
+        return OdometryStep(pose, 1e-6 * np.eye(6), status, None, cloud, restarted=restarted)
+
+    def settle(self) -> tuple[OdometryStep, ...]:
+        return ()
+
+
+def carried(frames: list[Frame], *overrides: str) -> tuple[Run, Array]:
+    """A run with a sensor that is carried, and its true poses."""
+    places = [*range(CARRIED), *range(AGAIN, AGAIN + 40)]
+    config = load_config(None, ["loops.scan_context.min_travelled_distance=60", *overrides])
+    with Slam(config, odometry=Carried(places)) as it:
+        for number, place in enumerate(places):
+            it.add(replace(frames[place], index=number, stamp=0.1 * number))
+        return it.finish(), way()[places]
+
+
+def test_a_loop_joins_the_segments_of_a_sensor_that_was_carried(frames: list[Frame]) -> None:
+    run, truth = carried(frames)
+    distance = np.linalg.norm(run.poses[:, :3, 3] - truth[:, :3, 3], axis=1)
+    assert np.linalg.norm(run.odometry_poses[-1, :3, 3] - truth[-1, :3, 3]) > 10
+    assert distance[:CARRIED].max() < 0.3
+    assert distance[CARRIED + 5 :].max() < 0.5
+    (note,) = run.notes()
+    assert f"began new segments at frames {CARRIED + 5}; loop closures join all segments" in note
+
+
+def test_without_a_loop_the_segments_stay_apart(frames: list[Frame]) -> None:
+    run, _ = carried(frames, "loops.enabled=false")
+    np.testing.assert_array_equal(run.poses, run.odometry_poses)
+    (note,) = run.notes()
+    assert f"no loop closure joins those from frames {CARRIED + 5}" in note
