@@ -109,14 +109,14 @@ class Mapper:
 
     Attributes:
         config: The settings.
-        journal: Receives keyframes, edges and loops; a mapper continues from its snapshot, if it has one.
         on_loops: Called in the thread when loops are closed, with all loops so far.
+        journal: Receives keyframes, edges and loops; a mapper continues from its snapshot, if it has one.
         milliseconds: Run times by the stages `STAGES`.
     """
 
     config: Config
-    journal: Journal | None = None
     on_loops: Callable[[LoopProgress], None] | None = None
+    journal: Journal | None = None
     milliseconds: dict[str, list[float]] = field(default_factory=lambda: {stage: [] for stage in STAGES})
 
     def __post_init__(self) -> None:

@@ -90,7 +90,7 @@ class Slam:
             or MidSweepOdometry(Odometry(config.odometry, sweep_duration=sweep_duration, vertical_correction=angle)),
             config.front_end.deskew,
         )
-        self._mapper = Mapper(config, journal, observer.loops_closed if observer else None)
+        self._mapper = Mapper(config, observer.loops_closed if observer else None, journal)
         self._journal, self._observer = journal, observer
         if observer:
             observer.started(self.result)
