@@ -67,6 +67,23 @@ def nearest_rings(xyz: Array, sensor: Sensor) -> Array:
     return np.asarray(kernels.nearest_lines(xyz, np.tan(sensor.elevation), sensor.offset))
 
 
+def line_misfit(xyz: Array, ring: Array, sensor: Sensor) -> Array:
+    """Measure how far points lie off the laser lines of their rings.
+
+    Args:
+        xyz: (N, 3) points [m].
+        ring: (N,) their rings.
+        sensor: The LiDAR, with more than one ring.
+
+    Returns:
+        (N,) float64 angle between each point and its line, as a share of the spacing of the lines there. Without any
+        relation to the lines it is spread evenly over 0 to 0.5 if every point takes the nearest line.
+    """
+    spacing = np.abs(np.gradient(sensor.elevation))[ring]
+    elevation = np.arctan2(xyz[:, 2] - sensor.offset[ring], np.hypot(xyz[:, 0], xyz[:, 1]))
+    return np.asarray(np.abs(elevation - sensor.elevation[ring]) / spacing)
+
+
 def turn_times(xyz: Array, sweep: float, stamp: str = "middle") -> Array:
     """When each point was seen, (N,) float32 seconds from the scan's stamp, for KITTI's raw scans.
 

@@ -23,7 +23,7 @@ from slam.data.recordings.transforms import Mounting
 from slam.data.recordings.truth import read_truth
 from slam.data.scan_columns import SAMPLES, find_columns
 from slam.data.scan_names import named_scans
-from slam.data.sensor import conventions_of_folder, nominal_lines, sensor_of_folder
+from slam.data.sensor import conventions_of_folder, sensor_of_folder
 from slam.data.sound_points import NONE, Offset, map_frame
 from slam.data.stamps import mended, usual_step
 
@@ -120,8 +120,7 @@ class RecordedSequence:
             *repaired,
             *odd,
         )
-        nominal = nominal_lines(self.sensor, path)
-        self.problems = (*told, *nominal, *self._columns.problems, *blind, *untrue)
+        self.problems = (*told, *self._columns.problems, *blind, *untrue)
 
     def __len__(self) -> int:
         return len(self.numbers)
