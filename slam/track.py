@@ -6,7 +6,7 @@ import copy
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -37,6 +37,8 @@ RELATIVE_VARIANCE_FACTOR = 2  # both poses of a motion have a registration error
 ALL_OBSERVED = np.zeros((0, 3))  # no unobservable directions
 FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m; of a predicted pose
 VELOCITY_WINDOW = 10  # scans of the median velocity: two steps of a person with the sensor, one second of a car
+VELOCITY_CHANGE_GAIN = 0.2  # of the newest change of the velocity in their running covariance
+DISTORTION_POINTS = 4  # every 4th point is enough for the effect of a scan's distortion
 ACCELERATION_SIGMA = 1.0  # m/s^2, of an unobservable velocity
 
 
@@ -66,6 +68,10 @@ class Target(Protocol):
 
     def align(self, xyz: Array, weight: Array, guess: Array, locked: Array = ...) -> RegistrationResult:
         """Register points from `guess` (4, 4), without steps along `locked` (K, 6) in the target's axes."""
+        ...
+
+    def distortion_response(self, xyz: Array, weight: Array, time: Array, found: RegistrationResult) -> Array:
+        """Return how the pose of points with times (N,) [s] follows a velocity error (6, 6), see `gauss_newton`."""
         ...
 
     def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
@@ -127,6 +133,7 @@ class Track:
         self._pose, self._stamp = np.eye(4), float("nan")  # of the last registered scan
         self._velocity = np.zeros(6)  # rad/s, m/s in the sensor's axes
         self._velocities: deque[Array] = deque(maxlen=VELOCITY_WINDOW)
+        self._velocity_changes = np.zeros((6, 6))  # running mean of d d^T for the changes d from scan to scan
         self._registered = self._failures = 0
         self._deviations = self._squared_deviations = self._mean_overlap = 0.0
         self._unobserved, self._unobserved_for = np.zeros((0, 3)), 0.0  # in the map's axes; s
@@ -147,19 +154,20 @@ class Track:
             stamp: Time of the scan [s].
         """
         prediction = self.predict(stamp)
-        scan, map_points, points = self._preprocess(cloud)
-        if self.target is None or len(points[0]) < MIN_POINTS:
-            step = self._prediction_step(prediction, scan)
+        prepared = self._preprocess(cloud)
+        if self.target is None or len(prepared.points[0]) < MIN_POINTS:
+            step = self._prediction_step(prediction, prepared.scan)
         elif len(self.target) == 0:
-            step = OdometryStep(prediction, 1e-12 * np.eye(6), "registered", None, scan)
+            step = OdometryStep(prediction, 1e-12 * np.eye(6), "registered", None, prepared.scan)
         else:
-            step = self._registration_step(self.target, points, prediction, scan, stamp)
+            step = self._registration_step(self.target, prepared, prediction, stamp)
         self._first = cloud if self._registered == 0 and cloud.time is not None else None
-        return self._update(step, map_points, points, stamp)
+        return self._update(step, prepared, stamp)
 
     def hypotheses(self, cloud: PointCloud, stamp: float) -> list[tuple[Track, OdometryStep]]:
         """Register the second scan, and return a track and its step for each motion found by the search, best first."""
-        scan, map_points, points = self._preprocess(cloud)
+        prepared = self._preprocess(cloud)
+        points = prepared.points
         if self.target is None or len(points[0]) < MIN_POINTS:
             return []
         score = self.target.scorer(*points, self._pose)
@@ -172,14 +180,15 @@ class Track:
             track = copy.deepcopy(self)
             track.competing = True
             if self._first is not None:
-                found, scan, map_points, points = track._deskew_again(self._first, cloud, found, stamp)
-            step = OdometryStep(found.pose, RELATIVE_VARIANCE_FACTOR * found.sandwich, "registered", found, scan)
-            hypotheses.append((track, track._update(step, map_points, points, stamp)))
+                found, prepared = track._deskew_again(self._first, cloud, found, stamp)
+            covariance = RELATIVE_VARIANCE_FACTOR * found.sandwich
+            step = OdometryStep(found.pose, covariance, "registered", found, prepared.scan)
+            hypotheses.append((track, track._update(step, prepared, stamp)))
         return hypotheses
 
     def _deskew_again(
         self, first: PointCloud, second: PointCloud, found: RegistrationResult, stamp: float
-    ) -> tuple[RegistrationResult, PointCloud, Points, Points]:
+    ) -> tuple[RegistrationResult, Prepared]:
         """Deskew the first two scans again by the motion between them, and register the second one again.
 
         The velocity was unknown at the first scan.
@@ -187,9 +196,9 @@ class Track:
         assert self.target is not None
         self._velocity = se3.log(se3.normalized(se3.inverse(self._pose) @ found.pose)) / self._elapsed(stamp)
         self.target.clear()
-        self.target.insert(*self._preprocess(first)[1], self._pose)
-        scan, map_points, points = self._preprocess(second)
-        return self.target.align(*points, found.pose), scan, map_points, points
+        self.target.insert(*self._preprocess(first).map_points, self._pose)
+        prepared = self._preprocess(second)
+        return self.target.align(*prepared.points, found.pose), prepared
 
     def _distinct_motions(
         self, candidates: list[RegistrationResult], score: Callable[[Array], float], stamp: float
@@ -205,25 +214,27 @@ class Track:
                 distinct.append(found)
         return distinct
 
-    def _preprocess(self, cloud: PointCloud) -> tuple[PointCloud, Points, Points]:
-        """Deskew, correct and downsample a scan: the scan, its points for the map, and its points for registration."""
+    def _preprocess(self, cloud: PointCloud) -> Prepared:
+        """Deskew, correct and downsample a scan."""
         scan = deskew(cloud, self._velocity)
         scan = correct_vertical(scan, self.vertical_correction)
         if self.target is None and len(scan) >= MIN_POINTS:
             self._initialise(scan)
         if self.target is None:
-            return scan, NO_POINTS, NO_POINTS
-        map_points = self._map_filter(scan.xyz, self._weights(scan))[:2]
-        return scan, map_points, self._registration_filter(*map_points)[:2]
+            return Prepared(scan, NO_POINTS, NO_POINTS, None)
+        *map_points, in_map = self._map_filter(scan.xyz, self._weights(scan))
+        *points, registered = self._registration_filter(*map_points)
+        time = None if cloud.time is None else cloud.time[in_map[registered]]
+        return Prepared(scan, (map_points[0], map_points[1]), (points[0], points[1]), time)
 
-    def _update(self, step: OdometryStep, map_points: Points, points: Points, stamp: float) -> OdometryStep:
+    def _update(self, step: OdometryStep, prepared: Prepared, stamp: float) -> OdometryStep:
         """Update evidence, motion and map with a step; return the step with its velocity."""
         if self.competing and self.target is not None and step.status != "failed":
-            self.evidence += self.target.scorer(*points, step.pose)(step.pose)
+            self.evidence += self.target.scorer(*prepared.points, step.pose)(step.pose)
         if step.status != "failed":
             self._update_motion(step, stamp)
         if self.target is not None:
-            self._update_map(self.target, step, map_points)
+            self._update_map(self.target, step, prepared.map_points)
         return replace(step, velocity=self._velocity)
 
     def predict(self, stamp: float) -> Array:
@@ -247,16 +258,16 @@ class Track:
         elapsed = stamp - self._stamp
         return elapsed if elapsed >= MIN_INTERVAL * self.sweep_duration else self.sweep_duration
 
-    def _registration_step(
-        self, target: Target, points: Points, prediction: Array, scan: PointCloud, stamp: float
-    ) -> OdometryStep:
+    def _registration_step(self, target: Target, prepared: Prepared, prediction: Array, stamp: float) -> OdometryStep:
         """Register a scan, with a search after a gap or an implausible registration, and validate the result."""
+        scan, points = prepared.scan, prepared.points
         if self.competing:  # no search: a competing hypothesis keeps to its own motion
             found = target.align(*points, prediction)
             diverged = _distance(prediction, found.pose) > DISTINCT * target.convergence_radius
             if diverged or not self._is_valid(found, ALL_OBSERVED):
                 return self._prediction_step(prediction, scan, found)
-            return OdometryStep(found.pose, RELATIVE_VARIANCE_FACTOR * found.sandwich, "registered", found, scan)
+            covariance = self._motion_covariance(target, prepared, found)
+            return OdometryStep(found.pose, covariance, "registered", found, scan)
         status: Literal["registered", "retried", "degenerate"] = "registered"
         gap = self._failures > 0 or self._elapsed(stamp) > GAP * self.sweep_duration
         if self._registered < 2 or gap:
@@ -275,10 +286,11 @@ class Track:
             return self._prediction_step(prediction, scan, found)
         self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
         self._unobserved = lost
+        covariance = self._motion_covariance(target, prepared, found)
         if not len(lost):
-            return OdometryStep(found.pose, RELATIVE_VARIANCE_FACTOR * found.sandwich, status, found, scan)
+            return OdometryStep(found.pose, covariance, status, found, scan)
         directions = _unobserved_twists(lost @ found.pose[:3, :3])
-        covariance = self._drift_covariance(RELATIVE_VARIANCE_FACTOR * found.sandwich, directions, stamp)
+        covariance = self._drift_covariance(covariance, directions, stamp)
         return OdometryStep(found.pose, covariance, "degenerate", found, scan, directions)
 
     def _steady_prediction(self, prediction: Array, lost: Array, stamp: float) -> Array:
@@ -349,6 +361,21 @@ class Track:
         rms = np.sqrt(self._squared_deviations / self._deviations) if self._deviations else np.inf
         return max(3 * float(rms), self.settings.min_gate)
 
+    def _motion_covariance(self, target: Target, prepared: Prepared, found: RegistrationResult) -> Array:
+        """Covariance (6, 6) of the motion since the last scan: of the points, and of changes of the velocity.
+
+        A scan is deskewed with the velocity before it, and its points are displaced by the change of the velocity.
+        """
+        covariance = found.sandwich
+        if prepared.time is not None:
+            some = slice(None, None, DISTORTION_POINTS)
+            xyz, weight = prepared.points
+            response = target.distortion_response(
+                xyz[some], DISTORTION_POINTS * weight[some], prepared.time[some], found
+            )
+            covariance = covariance + response @ self._velocity_changes @ response.T
+        return RELATIVE_VARIANCE_FACTOR * covariance
+
     def _drift_covariance(self, covariance: Array, directions: Array, stamp: float) -> Array:
         """The covariance with that of the prediction along `directions`, for a random walk of the velocity."""
         P = np.eye(6) - directions.T @ directions  # projects onto the observable directions
@@ -372,7 +399,12 @@ class Track:
             self._mean_overlap += (step.registration.overlap - self._mean_overlap) / scans
         motion = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose))
         if self._registered:
-            self._velocity = motion / self._motion_duration(motion, stamp)
+            velocity = motion / self._motion_duration(motion, stamp)
+            if self._registered > 1:
+                change = velocity - self._velocity
+                gain = max(VELOCITY_CHANGE_GAIN, 1 / (self._registered - 1))
+                self._velocity_changes += gain * (np.outer(change, change) - self._velocity_changes)
+            self._velocity = velocity
             self._velocities.append(self._velocity)
         self._pose, self._stamp = step.pose, stamp
         self._registered += 1
@@ -403,6 +435,24 @@ class Track:
 
 
 Points = tuple[Array, Array]  # xyz (N, 3) and weights (N,), float32
+
+
+class Prepared(NamedTuple):
+    """A scan ready for registration.
+
+    Attributes:
+        scan: The scan, deskewed and vertically corrected.
+        map_points: Its points for the map.
+        points: Its points for registration, N.
+        time: Their times (N,) [s] from the middle of the sweep; None without times.
+    """
+
+    scan: PointCloud
+    map_points: Points
+    points: Points
+    time: Array | None
+
+
 NO_POINTS: Points = (np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
 
 

@@ -70,6 +70,7 @@ class Panel:
         bars: Bars, grouped by category.
         ticks: Names at y = 0, 1, 2, ... in place of numbers.
         from_zero: Whether the y axis begins at 0.
+        log: Whether the y axis is logarithmic.
     """
 
     y_title: str
@@ -77,6 +78,7 @@ class Panel:
     bars: Sequence[Bars] = ()
     ticks: Sequence[str] = ()
     from_zero: bool = False
+    log: bool = False
 
 
 @dataclass(frozen=True, eq=False)

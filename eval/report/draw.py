@@ -84,6 +84,8 @@ def _draw_panel(axis: Axes, panel: Panel, chart: Chart) -> None:
     if panel.ticks:
         axis.set_yticks(range(len(panel.ticks)), panel.ticks)
         axis.set_ylim(-0.5, len(panel.ticks) - 0.5)
+    if panel.log:
+        axis.set_yscale("log")
     if panel.from_zero:
         axis.set_ylim(bottom=0)
     if chart.equal:

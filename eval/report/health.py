@@ -54,9 +54,10 @@ def _frames(report: Report) -> Iterator[Chart]:
     panels = [
         Panel("inlier ratio", inliers),
         Panel("points [thousand]", points, from_zero=True),
-        Panel("odometry [ms]", time, from_zero=True),
+        Panel("odometry [ms]", time, log=True),
     ]
-    if any(curve.y.any() for curve in unobserved):
+    degenerate = any(curve.y.any() for curve in unobserved)
+    if degenerate:
         panels.insert(1, Panel("unobserved", unobserved, from_zero=True))
     if sigma:
         panels.insert(1, Panel("position sigma [m]", sigma, from_zero=True))
@@ -70,7 +71,7 @@ def _frames(report: Report) -> Iterator[Chart]:
         "Inlier ratio: share of the matched points that fit the local map. Points: passed to the odometry by the front "
         "end. "
         + ("Position sigma: largest standard deviation of the position, from the pose's covariance. " if sigma else "")
-        + ("Unobserved: directions of motion that the scan did not constrain. " if len(panels) > 4 else "")
+        + ("Unobserved: directions of motion that the scan did not constrain. " if degenerate else "")
         + ("Status: frames that were not simply registered." if status else "All frames were registered at once."),
         "; ".join(
             f"{label}: {_words(found)}, lowest inlier ratio {worst[label]:.2f}" for label, found in counts.items()

@@ -62,6 +62,8 @@
       track: [0, 1, 2].map(c => track.filter((_, k) => k % 3 === c)), colour: map.colour
     };
   }
+  // half way to white, so that the line stands out from the points
+  const pale = hex => `rgb(${[1, 3, 5].map(k => Math.round((parseInt(hex.slice(k, k + 2), 16) + 255) / 2))})`;
   function coloured(map) {
     const by = chosen("colour");
     if (by === "camera" && map.camera) {
@@ -91,9 +93,8 @@
     const data = [
       { type: "scatter3d", mode: "markers", x, y, z, hoverinfo: "skip",
         marker: { size: 1.4, opacity: 1, line: { width: 0 }, ...coloured(map) } },
-      // a pale rim, so that the line stands out from the points
-      ...[["#ffffff", 9], [map.colour, 5]].map(([color, width]) => (
-        { type: "scatter3d", mode: "lines", x: tx, y: ty, z: tz, hoverinfo: "skip", line: { color, width } }))
+      { type: "scatter3d", mode: "lines", x: tx, y: ty, z: tz, hoverinfo: "skip",
+        line: { color: pale(map.colour), width: 7 } }
     ];
     return Plotly.react(space, data, layout, config).then(() => {
       if (!space.dataset.drawn) performance.mark("drawn-space");

@@ -115,7 +115,7 @@ def _part(part: Table | Chart | Image | str) -> str:
         width, height = part.size
         drawing = (
             f'<img src="{part.data}" width="{width}" height="{height}" alt="{escape(part.alt, quote=True)}" '
-            'loading="lazy" decoding="async">'
+            'decoding="async">'
         )
         drawing = (
             f'<div class="wide" tabindex="0" role="group" aria-label="{escape(part.title, quote=True)}">{drawing}</div>'

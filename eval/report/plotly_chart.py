@@ -74,6 +74,8 @@ def _y_axis(panel: Panel, domain: list[float]) -> dict[str, Any]:
     if panel.ticks:
         axis |= {"tickvals": list(range(len(panel.ticks))), "ticktext": list(panel.ticks)}
         axis |= {"range": [-0.5, len(panel.ticks) - 0.5]}
+    elif panel.log:
+        axis |= {"type": "log", "dtick": 1}
     elif panel.from_zero:
         axis["rangemode"] = "tozero"
     return axis

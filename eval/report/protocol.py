@@ -33,11 +33,9 @@ def repeat(report: Report) -> str:
     """Return the commands that make the runs and the report again, and the versions of the packages, as HTML."""
     commands = [report.command] if report.command else [_command(run) for _, run in report.runs]
     text = "\n".join(command for command in commands if command)
-    how = (
-        f"<pre>{escape(text)}</pre>"
-        if text
-        else "<p>The runs were made from a program; the protocol has their settings.</p>"
-    )
+    how = f'<pre tabindex="0" role="region" aria-label="Command">{escape(text)}</pre>' if text else ""
+    if not report.command:
+        how += "<p>Made by a program: settings that differ from the defaults are in the protocol.</p>"
     versions: dict[str, Any] = {}
     for _, run in report.runs:
         versions |= run.report["protocol"].get("versions", {})
@@ -59,7 +57,9 @@ def _run(run: RunDetails) -> str:
             items = "".join(f"<li>{escape(str(text))}</li>" for text in report[name])
             parts.append(f"<h4>{title}</h4><ul>{items}</ul>")
     settings = json.dumps(report["protocol"].get("config", {}), indent=2)
-    return "".join([*parts, f'<h4>Settings</h4><pre tabindex="0" aria-label="Settings">{escape(settings)}</pre>'])
+    return "".join(
+        [*parts, f'<h4>Settings</h4><pre tabindex="0" role="region" aria-label="Settings">{escape(settings)}</pre>']
+    )
 
 
 def _command(run: RunDetails) -> str:

@@ -39,9 +39,7 @@ def _enrichment(rows: dict[str, Row]) -> list[str]:
         sentence += f"; {label.replace('full', 'all')} measured channels have {_length(dense)}"
         if dense < sparse * (1 - SAME) and enriched < sparse * (1 - SAME):
             closed = (sparse - enriched) / (sparse - dense)
-            sentence += (
-                f", so that it closes {100 * closed:.0f} % of the gap" if closed < 1 else ", so that it closes the gap"
-            )
+            sentence += f": {100 * min(closed, 1):.0f} % of the gap is closed"
     sentences = [sentence + "."]
     drifts = {label: row.metrics.drift for label, row in rows.items() if row.metrics}
     found = {label: drifts[label].translation_percent for label in (SPARSE, ENRICHED, *DENSE) if label in drifts}

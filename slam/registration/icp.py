@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from slam.data.cloud import Array
-from slam.registration.gauss_newton import NOT_LOCKED, Linearisation, minimise, result
+from slam.registration.gauss_newton import NOT_LOCKED, Linearisation, distortion_response, minimise, result
 from slam.registration.kernels import INLIER_THRESHOLD
 from slam.registration.result import RegistrationResult
 
@@ -69,7 +69,12 @@ class IcpTarget:
         pose, converged = minimise(linearise, guess, self.max_iterations, locked)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(xyz, weight, pose, scores)
-        return result(model, pose, converged, xyz, scores)
+        return result(model, pose, converged, xyz, scores, locked)
+
+    def distortion_response(self, xyz: Array, weight: Array, time: Array, found: RegistrationResult) -> Array:
+        """Return how the pose follows a velocity error (6, 6), see `gauss_newton.distortion_response`."""
+        model = self._linearise(xyz, weight * time, found.pose)
+        return distortion_response(found.H, model.H, found.pose)
 
     def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
         """Return no directions (0, 3): observability is not estimated from scan to scan."""

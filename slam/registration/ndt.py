@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from slam.data.cloud import Array
-from slam.registration.gauss_newton import NOT_LOCKED, Linearisation, minimise, result
+from slam.registration.gauss_newton import NOT_LOCKED, Linearisation, distortion_response, minimise, result
 from slam.registration.observability import unobserved
 from slam.registration.result import RegistrationResult
 from slam.registration.voxels import NO_SCORES, VoxelGaussians, hash_table
@@ -128,14 +129,20 @@ class NdtTarget:
     def _descend(
         self, levels: list[VoxelGaussians], xyz: Array, weight: Array, guess: Array, locked: Array
     ) -> RegistrationResult:
-        """Register points in each of the levels, from coarse to fine, starting where the last one ended."""
+        """Register points in each of the levels, from coarse to fine, starting where the last one ended.
+
+        The overlap is that of the finest level of the map, so that it can be compared from scan to scan.
+        """
         pose, converged = guess, False
         for level in levels:
             limit = self.max_iterations if level is self.levels[-1] else self.max_iterations // 2
             pose, converged = minimise(partial(self._linearise, level, xyz, weight), pose, limit, locked)
         scores = np.zeros((len(xyz), 6))
         model = self._linearise(levels[-1], xyz, weight, pose, scores)
-        return result(model, pose, converged, xyz, scores)
+        found = result(model, pose, converged, xyz, scores, locked)
+        if levels[-1] is self.levels[-1]:
+            return found
+        return replace(found, overlap=self.levels[-1].overlap(xyz, weight, pose))
 
     def _levels_for(self, xyz: Array, weight: Array, guess: Array) -> list[VoxelGaussians]:
         """Return the levels, coarse to fine, that enough points meet at the guess.
@@ -150,6 +157,11 @@ class NdtTarget:
         if overlaps[0] < MIN_LEVEL_OVERLAP:
             levels = [self.levels[-1].coarser(factor) for factor in reversed(COARSER_FACTORS)] + levels
         return levels
+
+    def distortion_response(self, xyz: Array, weight: Array, time: Array, found: RegistrationResult) -> Array:
+        """Return how the pose follows a velocity error (6, 6), see `gauss_newton.distortion_response`."""
+        model = self._linearise(self.levels[-1], xyz, weight * time, found.pose)
+        return distortion_response(found.H, model.H, found.pose)
 
     def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
         """Return the directions (K, 3) that points at `pose` do not constrain, see `observability.unobserved`.

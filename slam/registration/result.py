@@ -20,7 +20,8 @@ class RegistrationResult:
         covariance: inv(H) times the variance of the weighted residuals (6, 6). It shows unobservable directions; as a
             variance it assumes correct Gaussians and independent points.
         sandwich: Cluster-robust covariance (6, 6): inv(H) B inv(H), with B the scatter of the points' contributions
-            to the gradient, summed over adjacent points first (Huber 1967; for clusters Liang & Zeger 1986).
+            to the gradient, summed over adjacent points first (Huber 1967; for clusters Liang & Zeger 1986), plus
+            the square of the step that the iteration would take next.
         overlap: Weight of the points with a correspondence (a cell with a Gaussian, a point within the maximum
             distance), as a share of the total weight.
         inlier_ratio: Share of these points with a squared Mahalanobis distance below 7.8, the 95 % quantile of
