@@ -39,7 +39,7 @@ MODELS = {
     "pandar64": "Hesai Pandar64",
     "xt16": "Hesai PandarXT-16",
     "xt32": "Hesai PandarXT-32",
-    "qt64": "Hesai PandarQT",
+    "qt64": "Hesai QT64 (PandarQT)",
     "rs-16": "RoboSense RS-LiDAR-16",
     "rs-32": "RoboSense RS-LiDAR-32",
     "rs-helios": "RoboSense RS-Helios",

@@ -101,10 +101,10 @@ def _built_in(name: str, where: str) -> Sensor:
 
 
 def _spellings(name: str) -> list[str]:
-    """The name as it stands, and without parts of the maker's full name: 'Velodyne HDL-64E', 'PandarXT-32'."""
+    """The name as it stands, and without parts of a full name: 'Velodyne HDL-64E', 'PandarXT-32', 'RS-LiDAR-16'."""
     key = _bare(name)
     for maker in MAKERS:
-        key = key.removeprefix(maker)
+        key = key.removeprefix(maker).replace("lidar", "")
     return [found.removesuffix("e") for found in (_bare(name), key, key.removeprefix("pandar"), f"rs{key}")]
 
 
