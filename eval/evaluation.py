@@ -23,7 +23,10 @@ from slam.data.cloud import Array
 from slam.data.covariance_file import read_covariances
 from slam.data.errors import InputError
 from slam.data.pose_files import Trajectory, read_poses, read_whole_trajectory, w_first_note
+from slam.data.pose_table import read_pose_table
 from slam.data.quaternion_order import orders_by_odometry
+
+POSITIONS_ONLY = "the ground truth has positions only: rotation, RPE and drift are not compared"
 
 
 def evaluate_poses(
@@ -123,7 +126,7 @@ def evaluate_trajectory(estimate: Path, theirs: Trajectory, reference: Path, cal
         raise InputError(f"{estimate} against {reference}: {error}") from error
     note = w_first_note(reference, theirs)
     if order:
-        note = f"{reference}: as the estimate tells, its quaternions have w {'first' if order == 'wxyz' else 'last'}"
+        note = f"{reference}: judging by the estimate, its quaternions have w {'first' if order == 'wxyz' else 'last'}"
     notes = metrics.notes if note is None else (*metrics.notes, note)
     return replace(metrics, notes=notes, protocol={**metrics.protocol, **protocol})
 
@@ -133,7 +136,8 @@ def evaluate_run(folder: Path) -> RunMetrics | None:
 
     Args:
         folder: A run folder with trajectory_tum.txt, odometry_tum.txt and ground_truth_tum.txt (LiDAR frame, possibly
-            of some frames only), associated by stamp; trajectory_covariance.csv is evaluated if it is there.
+            of some frames only), associated by stamp; trajectory_covariance.csv is evaluated if it is there. Without
+            poses, true_positions.csv is the ground truth (see `evaluate_positions`).
 
     Returns:
         The figures; None without ground truth, and no file is written.
@@ -143,7 +147,7 @@ def evaluate_run(folder: Path) -> RunMetrics | None:
     """
     truth_file = folder / "ground_truth_tum.txt"
     if not truth_file.is_file():
-        return None
+        return _evaluate_by_positions(folder)
     truth_stamps, truth = _read_stamped(truth_file)
 
     def evaluated(file: Path) -> Metrics:
@@ -168,6 +172,63 @@ def evaluate_run(folder: Path) -> RunMetrics | None:
     )
     write_json(folder / "metrics.json", result.as_dict())
     return result
+
+
+def _evaluate_by_positions(folder: Path) -> RunMetrics | None:
+    path = folder / "true_positions.csv"
+    if not path.is_file():
+        return None
+    rows = read_pose_table(path).values
+
+    def evaluated(file: Path) -> Metrics:
+        stamps, poses = _read_stamped(file)
+        try:
+            return evaluate_positions(poses, rows[:, 1:], stamps, rows[:, 0])
+        except InputError as error:
+            raise InputError(f"{file} against {path.name}: {error}") from error
+
+    result = RunMetrics(evaluated(folder / "trajectory_tum.txt"), evaluated(folder / "odometry_tum.txt"))
+    write_json(folder / "metrics.json", result.as_dict())
+    return result
+
+
+def evaluate_positions(estimate: Array, positions: Array, stamps: Array, position_stamps: Array) -> Metrics:
+    """Compute the figures of a trajectory that positions alone allow: the ATE after alignment, and path lengths.
+
+    Args:
+        estimate: Poses (N, 4, 4) [m].
+        positions: True positions (M, 3) [m], in a frame of any orientation.
+        stamps: Stamps of the estimate (N,) [s].
+        position_stamps: Stamps of the positions (M,) [s], of the same clock.
+
+    Returns:
+        The figures; those that need rotations are NaN or None.
+
+    Raises:
+        InputError: Fewer than two poses are associated.
+    """
+    reference = np.tile(np.eye(4), (len(positions), 1, 1))
+    reference[:, :3, 3] = positions
+    e, g = pair_up(orthonormal(estimate), reference, stamps, position_stamps)
+    notes = [POSITIONS_ONLY] if len(e) == len(estimate) else [POSITIONS_ONLY, _coverage(len(e), len(estimate))]
+    if not umeyama(e, g)[1]:
+        notes.append(NOT_UNIQUE)
+    unknown = trajectory.Statistics(*[math.nan] * len(trajectory.STATISTICS))
+    return Metrics(
+        frames=len(e),
+        path_length_m=trajectory.path_length(e),
+        reference_path_length_m=trajectory.path_length(g),
+        ate=AbsoluteErrors(aligned=trajectory.ate(e, g, "aligned"), origin=unknown, unaligned=unknown),
+        rpe=RelativeErrors(frame=unknown, frame_rotation=unknown),
+        drift=kitti_metric.Drift(None, None, (), 0, "none", reason="the ground truth has positions only"),
+        paper_table_iii=unknown,
+        notes=tuple(notes),
+        protocol={
+            "ate": trajectory.PROTOCOL["ate"],
+            "association": f"by time stamp, at most {MAX_STAMP_DIFFERENCE} s apart",
+            "software": f"evo {version('evo')}",
+        },
+    )
 
 
 def pair_up(

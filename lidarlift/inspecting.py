@@ -79,6 +79,7 @@ class Info:
         commands: Commands to run SLAM on the data set.
         topics: Topics of a recording; empty for other data sets.
         cameras: Number of calibrated cameras.
+        positions_only: Whether the ground truth has positions and no rotations.
     """
 
     name: str
@@ -111,6 +112,7 @@ class Info:
     commands: tuple[str, ...]
     topics: tuple[TopicInfo, ...] = ()
     cameras: int = 0
+    positions_only: bool = False
 
 
 def info(
@@ -149,7 +151,8 @@ def info(
     gaps = steps[steps > GAP * usual] if usual else steps[:0]
     looks_like = None if data.sensor else _looks_like(full[0].elevations)
     rings, rings_from = _rings(data, full)
-    truth, truth_m = _truth(data.ground_truth)
+    positions: Array | None = getattr(data, "true_positions", None)
+    truth, truth_m = _truth(data.ground_truth[:, :3, 3] if data.ground_truth is not None else positions)
     return Info(
         name=data.name,
         path=data.path,
@@ -176,6 +179,7 @@ def info(
         image_size=next((scan.image_size for scan in inspected if scan.image_size), None),
         calibrated=data.calibration is not None,
         truth=truth,
+        positions_only=data.ground_truth is None and positions is not None,
         truth_m=truth_m,
         topics=_topics(data),
         cameras=max((scan.cameras for scan in inspected), default=0),
@@ -287,12 +291,12 @@ def _ranges(inspected: Sequence[_ScanInfo]) -> tuple[float, float, float]:
     return float(near), float(middle), float(far)
 
 
-def _truth(poses: Array | None) -> tuple[int, float]:
-    """Number of known poses (N, 4, 4), and the travelled distance [m] between successive ones."""
-    if poses is None:
+def _truth(positions: Array | None) -> tuple[int, float]:
+    """Number of known positions (N, 3), and the travelled distance [m] between successive ones."""
+    if positions is None:
         return 0, 0.0
-    steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
-    return int(np.isfinite(poses[:, 0, 0]).sum()), float(np.nansum(steps))
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    return int(np.isfinite(positions[:, 0]).sum()), float(np.nansum(steps))
 
 
 def _topics(data: Dataset) -> tuple[TopicInfo, ...]:

@@ -59,6 +59,7 @@ def save_odometry(run: Run, folder: str | Path) -> None:
             (folder / name).unlink(missing_ok=True)
     _write_poses(run, folder, "odometry", run.odometry_poses)
     _write_ground_truth(run, folder)
+    _write_true_positions(run, folder)
     write_text(folder / "timings.csv", _timings_csv(run))
 
 
@@ -138,6 +139,17 @@ def _write_ground_truth(run: Run, folder: Path) -> None:
         write_text(path, tum_text(stamps[: len(truth)][known], truth[known]))
     else:
         path.unlink(missing_ok=True)  # of an earlier run
+
+
+def _write_true_positions(run: Run, folder: Path) -> None:
+    path, stamps = folder / "true_positions.csv", run.stamps
+    true = np.zeros((0, 3)) if run.source.true_positions is None else run.source.true_positions[: len(stamps)]
+    known = np.flatnonzero(np.isfinite(true).all(axis=1))
+    if len(known) < 2:
+        path.unlink(missing_ok=True)  # of an earlier run
+        return
+    rows = [f"{stamps[at]:.9f},{','.join(f'{value:.4f}' for value in true[at])}\n" for at in known]
+    write_text(path, "".join(["stamp,x,y,z\n", *rows]))
 
 
 def _timings_csv(run: Run) -> str:

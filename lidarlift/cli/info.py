@@ -58,7 +58,7 @@ def page(info: Info) -> str:
         "point times": info.point_times,
         "LiDAR": _lidar(info),
         "camera": _camera(info),
-        "ground truth": f"of {info.truth} of {info.scans} scans, {info.truth_m:.1f} m" if info.truth else "none",
+        "ground truth": _truth(info),
     }
     lines = [f"{info.name}  ({info.path})", ""]
     lines += [line for label, value in rows.items() if value for line in _row(label, value)]
@@ -108,6 +108,14 @@ def _stamps(info: Info) -> str:
         return info.stamps
     gaps = f"{info.holes} gaps, the longest of" if info.holes > 1 else "a gap of"
     return f"{info.stamps}; {gaps} {info.longest_hole_s:.3g} s"
+
+
+def _truth(info: Info) -> str:
+    """Extent of the ground truth."""
+    if not info.truth:
+        return "none"
+    only = ", positions only (rotation is not compared)" if info.positions_only else ""
+    return f"of {info.truth} of {info.scans} scans, {info.truth_m:.1f} m{only}"
 
 
 def _lidar(info: Info) -> str:

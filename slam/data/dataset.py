@@ -26,6 +26,8 @@ class Dataset(Protocol):
       these say more than the properties below;
     - `points(position)`: a scan as its file contains it;
     - `images`: the file of each scan's image, or the number of its message, or None;
+    - `true_positions`: (N, 3) positions [m] of the LiDAR, NaN where unknown, if they are all that is known as ground
+      truth (GNSS), or None;
     - `folders`: the folders that are read;
     - `truth_readings`: the readings of an ambiguous ground truth, if the data set is a folder (see `GroundTruth`).
     """

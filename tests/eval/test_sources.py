@@ -95,7 +95,7 @@ def test_labels(run_folder: Callable[..., Path], tmp_path: Path) -> None:
         labelled([Source(Path("a"), label="A"), Source(Path("b"), label="A")])
 
 
-def test_what_is_no_trajectory_is_an_error(run_folder: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_file_without_a_trajectory_is_an_error(run_folder: Callable[..., Path], tmp_path: Path) -> None:
     run_folder("16", 101.0)
     (tmp_path / "stopped").mkdir()
     (tmp_path / "stopped" / "odometry_tum.txt").write_text("")

@@ -26,11 +26,11 @@ Stream = tuple[tuple[bytes, int], int]  # sender, and bytes of a datagram
 
 
 class PacketSequence:
-    """A .pcap or .pcapng file of a Velodyne, or of an Ouster with its metadata beside it (the .json file that Ouster's
-    tools write with it). If several LiDARs are in it, the one with the most packets is taken.
+    """A packet capture of a Velodyne, or of an Ouster with its metadata beside it.
 
-    Stamps are of the sensor's first column or firing, by its clock; a clock that shows no date is set by that of the
-    recording machine. See `Dataset` for the attributes.
+    The metadata are the .json file that Ouster's tools write with a recording. If several LiDARs are in a capture, the
+    one with the most packets is used. Stamps are of the sensor's first column or firing, by its clock; a clock that
+    shows no date is set by that of the recording machine. See `Dataset` for the attributes.
 
     Args:
         path: The file.

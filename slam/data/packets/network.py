@@ -1,4 +1,4 @@
-"""From frames of a network to UDP datagrams: Ethernet and the others that captures have, IP and its fragments."""
+"""UDP datagrams from frames of a network: Ethernet and other link types, IP and its fragments."""
 
 from __future__ import annotations
 
@@ -12,11 +12,17 @@ VLAN = (0x8100, 0x88A8, 0x9100)
 IPV4, IPV6 = 0x0800, 0x86DD
 UDP, FRAGMENT = 17, 44
 EXTENSIONS = (0, 43, 60)  # headers of IPv6 with a length, between its own and UDP's
-WAITING = 64  # datagrams of which not all fragments have come; older ones are given up
+WAITING = 64  # incomplete datagrams that are kept; older ones are dropped
 
 
 class Udp(NamedTuple):
-    """A datagram: its sender's address and the port it was sent to; its bytes; where its first frame is in the file."""
+    """A datagram.
+
+    Attributes:
+        sender: Address of the sender, and the port that it was sent to.
+        payload: Its bytes.
+        start: Place of its first frame in the file.
+    """
 
     sender: tuple[bytes, int]
     payload: bytes
@@ -24,7 +30,7 @@ class Udp(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Of an IP datagram: who sent it and its number; where in it this part goes, and whether more follow."""
+    """A part of an IP datagram: sender, receiver and number; offset in the datagram, and whether more parts follow."""
 
     key: tuple[bytes, bytes, int]
     offset: int
@@ -40,13 +46,13 @@ class _Pieces:
 
 
 class Reassembly:
-    """Puts fragments of IP together; what never becomes whole is given up."""
+    """Reassembly of IP fragments; datagrams that stay incomplete are dropped."""
 
     def __init__(self) -> None:
         self._waiting: dict[tuple[bytes, bytes, int], _Pieces] = {}
 
     def add(self, part: _Part, start: int) -> tuple[bytes, int] | None:
-        """The datagram that this part makes whole, and where its first part is; None while parts are missing."""
+        """Add a part; return the datagram that it completes and the place of its first part, or None."""
         if part.offset == 0 and not part.more:
             return part.content, start
         pieces = self._waiting.get(part.key)
@@ -68,13 +74,13 @@ class Reassembly:
 
 
 def udp_of(link: int, frame: bytes, start: int, together: Reassembly) -> Udp | None:
-    """The datagram in a frame, or that it completes; None where there is none, or where it was cut short.
+    """Return the datagram that a frame holds or completes; None if there is none, or if it was cut short.
 
     Args:
-        link: The type of the frame.
+        link: Link type of the frame.
         frame: Its bytes.
-        start: Where it is in the file.
-        together: Fragments of the frames before.
+        start: Its place in the file.
+        together: Fragments of earlier frames.
     """
     try:
         part = _ip_part(link, frame)
@@ -104,7 +110,7 @@ def _ip_part(link: int, frame: bytes) -> _Part | None:
 
 
 def _network_layer(link: int, frame: bytes) -> int | None:
-    """Where IP begins in the frame; None where something else is in it."""
+    """The place of the IP header in the frame; None if there is none."""
     if link in RAW:
         return 0
     if link in LOOPBACK:

@@ -1,5 +1,7 @@
-"""Points of an Ouster from the packets that it sends, by the formulas of its manual (Ouster, Software User Manual,
-"Sensor Data", "Lidar Range to XYZ")."""
+"""Points of an Ouster from its packets.
+
+Formulas: Ouster, Software User Manual, "Sensor Data", "Lidar Range to XYZ".
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,11 @@ POINT = np.dtype(
 
 
 class OusterDecoder:
-    """Sweeps of one Ouster. See `Decoder`."""
+    """Decoder of one Ouster. See `Decoder`.
+
+    Args:
+        metadata: Metadata of the sensor.
+    """
 
     def __init__(self, metadata: Metadata) -> None:
         self.metadata = metadata
@@ -29,11 +35,11 @@ class OusterDecoder:
 
     @property
     def sensor(self) -> Sensor:
-        """Its laser lines, by its own calibration."""
+        """The laser lines, by the sensor's own calibration."""
         return self.metadata.sensor
 
     def frame_of(self, payload: bytes) -> int | None:
-        """The number of the sweep that a packet belongs to, 0 to 65535; None where it is no packet with points."""
+        """Return the number of a packet's sweep, 0 to 65535; None if it is no packet with points."""
         if len(payload) != self.metadata.packet.itemsize:
             return None
         if self.metadata.profile.legacy:
@@ -60,7 +66,7 @@ class OusterDecoder:
         return place
 
     def points(self, packets: Iterable[Packet]) -> Array:
-        """The points of a sweep (N,) `POINT`, from its packets. See `decode`."""
+        """Return the points of a sweep, (N,) `POINT`. See `decode`."""
         return decode((payload for _, payload in packets), self.metadata, self._rays)
 
     @cached_property
@@ -69,8 +75,11 @@ class OusterDecoder:
 
 
 def rays(metadata: Metadata) -> tuple[Array, Array]:
-    """For each column and beam the direction (C, R, 3) in which it looks, and the point (C, R, 3) [m] that ranges are
-    counted from, in the sensor's frame: a point is direction * range + origin."""
+    """Return the rays of each column and beam in the sensor's frame: a point is direction * range + origin.
+
+    Returns:
+        Directions (C, R, 3), unit vectors, and origins (C, R, 3) [m], of C columns and R beams.
+    """
     along, up = metadata.beam_origin
     head = 2 * np.pi * (1 - np.arange(metadata.columns) / metadata.columns)
     angle, flat = head[:, None] - metadata.azimuth, np.cos(metadata.altitude)
@@ -84,12 +93,15 @@ def rays(metadata: Metadata) -> tuple[Array, Array]:
 
 
 def decode(packets: Iterable[bytes], metadata: Metadata, along: tuple[Array, Array] | None = None) -> Array:
-    """The points of a sweep, first returns only, column by column: (N,) `POINT`.
+    """Decode the points of a sweep, first returns only, column by column.
 
     Args:
-        packets: All with points of one sweep, in any order; longer ones, as ROS has them, are cut to their length.
-        metadata: Of the sensor.
-        along: Its `rays`, where they are kept from sweep to sweep.
+        packets: The packets with points of one sweep, in any order; longer ones are cut to the sensor's length.
+        metadata: Metadata of the sensor.
+        along: `rays` of the sensor, None to compute them.
+
+    Returns:
+        A structured array (N,) `POINT`; t [ns] from the first column.
     """
     size = metadata.packet.itemsize
     whole = [bytes(payload[:size]) for payload in packets if len(payload) >= size]

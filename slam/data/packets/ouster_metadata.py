@@ -1,5 +1,4 @@
-"""What an Ouster says of itself in the JSON file beside a recording: its beams, its frames, and how packets are laid
-out."""
+"""Metadata of an Ouster, the JSON file beside a recording: its beams, its frames, and the layout of its packets."""
 
 from __future__ import annotations
 
@@ -18,24 +17,24 @@ from slam.data.errors import InputError
 from slam.data.sensor import Sensor
 
 MILLIMETRE = 0.001
-#: How far the beams begin from the axis [mm] where old firmware does not say it: first generation, and the lines since.
+#: Distance of the beams' origin from the axis [mm] that old firmware does not state: first generation, later ones.
 BEAM_ORIGIN = {"OS-0": 27.67, "OS-1": 15.806, "OS-2": 13.762}
 OLD_BEAM_ORIGIN = 12.163
-#: From the frame in which beams turn to the sensor's, where old firmware does not say it [mm].
+#: Transform from the frame of the beams to that of the sensor, which old firmware does not state [mm].
 LIDAR_TO_SENSOR = (-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 36.18, 0, 0, 0, 1)
 
 
 @dataclass(frozen=True)
 class Profile:
-    """Where a pixel has what.
+    """Layout of a pixel.
 
     Attributes:
         size: Bytes of a pixel.
-        range_bits: Of the first return's range, at its beginning.
-        unit: Metres that the range counts.
-        reflectivity: Byte of the first return's reflectivity, and
-        reflectivity_type: its type.
-        legacy: Whether packets are those of before firmware 2.2, with the frame's number in each column.
+        range_bits: Bits of the first return's range, which is at the beginning.
+        unit: Unit of the range [m].
+        reflectivity: Offset of the first return's reflectivity.
+        reflectivity_type: Type of the reflectivity.
+        legacy: Whether packets are those of firmware before 2.2, with the frame's number in each column.
     """
 
     size: int
@@ -93,8 +92,7 @@ class Metadata:
 
     @cached_property
     def column(self) -> np.dtype[Any]:
-        """The layout of a column: its time [ns], number, frame (in legacy packets only), status (odd where it is
-        valid) and pixels."""
+        """The layout of a column: time [ns], number, frame (legacy packets only), status (odd if valid), pixels."""
         profile, beams = self.profile, len(self.altitude)
         pixel = np.dtype(
             {
@@ -117,7 +115,7 @@ class Metadata:
 
     @cached_property
     def packet(self) -> np.dtype[Any]:
-        """The layout of a packet with points: its columns."""
+        """The layout of a packet with points, of several columns."""
         around = 0 if self.profile.legacy else 32
         return np.dtype(
             {
@@ -129,7 +127,7 @@ class Metadata:
         )
 
     def misfit(self, payload: bytes) -> str:
-        """What is wrong where a packet with points is not of this sensor; '' where it may be."""
+        """Say why a packet with points is not of this sensor; '' if it may be."""
         if len(payload) != self.packet.itemsize:
             return f"by it packets have {self.packet.itemsize} bytes, but most have {len(payload)}"
         serial = 0 if self.profile.legacy else int.from_bytes(payload[7:12], "little")
@@ -139,14 +137,14 @@ class Metadata:
 
     @cached_property
     def ring(self) -> Array:
-        """(R,) uint16: the place of each beam among them, 0 on top."""
+        """(R,) uint16: the ring of each beam, 0 on top."""
         return np.argsort(np.argsort(-self.altitude, kind="stable")).astype(np.uint16)
 
     @cached_property
     def sensor(self) -> Sensor:
-        """Its laser lines.
+        """The laser lines.
 
-        A beam begins off the axis, so that its line goes on below: what it sees at rho is from there on.
+        A beam begins off the vertical axis; its line is continued to the axis.
         """
         order = np.argsort(-self.altitude, kind="stable")
         along, up = self.beam_origin
@@ -155,7 +153,11 @@ class Metadata:
 
 
 def read_metadata(path: Path) -> Metadata:
-    """The metadata in a JSON file. Raises InputError where it is no Ouster's, or lacks something."""
+    """Read the metadata in a JSON file.
+
+    Raises:
+        InputError: As `parse_metadata`, or the file cannot be read.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -164,10 +166,14 @@ def read_metadata(path: Path) -> Metadata:
 
 
 def parse_metadata(text: str, where: object) -> Metadata:
-    """The metadata in JSON, as files and ROS topics have it; `where` is its name in messages.
+    """Read the metadata of an Ouster in JSON, as files and ROS topics have it.
+
+    Args:
+        text: The JSON text.
+        where: Its origin, for messages.
 
     Raises:
-        InputError: It is no Ouster's, lacks something, or has packets of a kind that is not known.
+        InputError: It is not an Ouster's, incomplete, or of a sensor with packets of an unknown profile.
     """
     try:
         content = json.loads(text)
@@ -202,7 +208,7 @@ def parse_metadata(text: str, where: object) -> Metadata:
 
 
 def _flat(content: Mapping[str, Any]) -> dict[str, Any]:
-    """All keys in one: firmware before 3 has them so, later ones in groups."""
+    """All keys in one mapping, as firmware before 3 has them; later firmware has groups."""
     groups = ("config_params", "beam_intrinsics", "lidar_intrinsics", "sensor_info", "data_format", "lidar_data_format")
     said = dict(content)
     for name in groups:
@@ -243,7 +249,7 @@ def _transform(said: Mapping[str, Any], key: str, default: tuple[float, ...], wh
 
 
 def _beam_origin(said: Mapping[str, Any], name: str, where: object) -> tuple[float, float]:
-    """From the axis, and up [m]."""
+    """Distance of the beams' origin from the axis, and its height [m]."""
     if "beam_to_lidar_transform" in said:
         transform = _transform(said, "beam_to_lidar_transform", (), where)
         return float(transform[0, 3]), float(transform[2, 3])

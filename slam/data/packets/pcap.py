@@ -1,7 +1,7 @@
-"""The UDP datagrams of a packet capture: .pcap and .pcapng as tcpdump, Wireshark and the LiDARs' own tools write them.
+"""UDP datagrams of a packet capture, .pcap or .pcapng, as tcpdump, Wireshark and the makers' tools write it.
 
-By our own code, for libraries give neither the places of datagrams in the file, by which one sweep is read without the
-others, nor datagrams put together from the fragments that IP makes of those larger than an Ethernet frame.
+Libraries return neither the places of datagrams in the file, by which one sweep is read without the others, nor
+datagrams reassembled from IP fragments. Therefore captures are read here.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from slam.data.errors import InputError
 from slam.data.packets.network import Reassembly, udp_of
 
 SUFFIXES = (".pcap", ".pcapng", ".cap")
-LARGEST = 1 << 20  # bytes of a packet; a record that says more is damaged
+LARGEST = 1 << 20  # bytes of a packet; a larger size is damage
 SECTION, INTERFACE, SIMPLE, ENHANCED = 0x0A0D0D0A, 1, 3, 6  # blocks of pcapng
 #: Of classic captures, as their first bytes: byte order, and parts of a second.
 MAGIC = {
@@ -28,14 +28,14 @@ MAGIC = {
 
 
 class Datagram(NamedTuple):
-    """What one UDP datagram carried.
+    """A UDP datagram.
 
     Attributes:
-        stamp: When it was captured, seconds since 1970.
-        sender: The address that it was sent from and the port that it was sent to, for telling streams apart.
+        stamp: Time of capture [s since 1970].
+        sender: Address of the sender and port of the receiver, which distinguish streams.
         payload: Its bytes.
-        start: Where its first record begins in the file, and
-        end: where its last one ends.
+        start: Place of its first record in the file.
+        end: Place after its last record.
     """
 
     stamp: float
@@ -46,7 +46,7 @@ class Datagram(NamedTuple):
 
 
 class Interface(NamedTuple):
-    """Of a capture: the type of its frames (tcpdump's LINKTYPE), the units of its stamps [s], and what is added [s]."""
+    """An interface of a capture: link type (tcpdump's LINKTYPE), unit of the stamps [s], and their offset [s]."""
 
     link: int
     unit: float
@@ -54,7 +54,7 @@ class Interface(NamedTuple):
 
 
 class Record(NamedTuple):
-    """A frame of the network in the file, from `begin` to `stop`, in a record from `start` to `end`."""
+    """A frame of the network at places `begin` to `stop` of the file, in a record from `start` to `end`."""
 
     stamp: float
     link: int
@@ -65,7 +65,7 @@ class Record(NamedTuple):
 
 
 class Capture:
-    """A capture file; nothing of it is kept in memory, and it may be read from any thread.
+    """A capture file; it is not kept in memory, and may be read from any thread.
 
     Attributes:
         path: The file.
@@ -87,9 +87,11 @@ class Capture:
         self._sections: dict[int, list[Interface]] = {}  # by where they begin, as far as read
 
     def datagrams(self, start: int = 0, end: int | None = None) -> Iterator[Datagram]:
-        """The whole datagrams of records that begin from `start` to `end` (by default all), in the file's order.
+        """Iterate over the complete datagrams in the file's order, of a truncated file those before the cut.
 
-        A file that was cut off gives those before. A part can be read once all of the file has been.
+        Args:
+            start: Place of the first record; other than 0 only after all of the file has been read.
+            end: Place before which records begin, None for the end of the file.
         """
         with self.path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             records = self._records_classic(data, start) if self._classic else self._records_next(data, start)

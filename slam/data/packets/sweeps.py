@@ -1,4 +1,4 @@
-"""Packets put together to sweeps."""
+"""Assembly of packets into sweeps."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.data.sensor import Sensor
 
-LATE, PAUSE = 2, 100  # sweeps: where numbers go farther back or on, the sensor or the recording began anew
+LATE, PAUSE = 2, 100  # sweeps: after a larger step back or ahead, the sensor or the recording was restarted
 
-#: When a packet came, seconds of the recording machine's clock, and its bytes.
+#: Arrival of a packet by the recording machine's clock [s], and its bytes.
 Packet = tuple[float, bytes]
 
 
 class Place(NamedTuple):
-    """Which sweep a packet belongs to.
+    """The sweep of a packet.
 
     Attributes:
-        number: The sweep's, counting on through the recording.
-        frame: What packets of this sweep have in common, by which `Decoder.frame_of` knows them.
-        seconds: When its first points were seen, by the sensor's clock; NaN where it has none.
+        number: Number of the sweep, increasing through the recording.
+        frame: The sweep's number in its packets, as `Decoder.frame_of` returns it.
+        seconds: Time of the packet's first points by the sensor's clock [s]; NaN if unknown.
     """
 
     number: int
@@ -32,34 +32,46 @@ class Place(NamedTuple):
 
 
 class Decoder(Protocol):
-    """What turns the packets of one kind of LiDAR into points.
+    """Decoder of the packets of one LiDAR.
 
     Attributes:
-        name: The LiDAR's, for people.
-        sensor: Its laser lines, None where they are not known.
+        name: Name of the LiDAR, for people.
     """
 
     name: str
 
     @property
-    def sensor(self) -> Sensor | None: ...
+    def sensor(self) -> Sensor | None:
+        """The laser lines, None if they are unknown."""
+        ...
 
     def frame_of(self, payload: bytes) -> int | None:
-        """What all packets of a sweep have in common; None where this is no packet with points."""
+        """Return the number that all packets of a sweep have; None if this is no packet with points."""
         ...
 
     def placing(self) -> Callable[[bytes], Place | None]:
-        """A function that is shown all packets in their order, and tells where each belongs; None as `frame_of`."""
+        """Return a function that assigns packets, given in their order, to sweeps; it returns None as `frame_of`."""
         ...
 
     def points(self, packets: Sequence[Packet]) -> Array:
-        """The points of a sweep, from its packets: a structured array (N,) with x, y, z [m] and, by names that
-        `points_of` knows, intensity, ring and time from the sweep's first point on."""
+        """Return the points of a sweep.
+
+        Returns:
+            A structured array (N,) with x, y, z [m] and, by names that `points_of` knows, intensity, ring and the time
+            since the sweep's first point.
+        """
         ...
 
 
 class Arrival(NamedTuple):
-    """A packet as it is found: its bytes, when it came [s], and where it is in the file."""
+    """A packet in a recording.
+
+    Attributes:
+        stamp: Arrival by the recording machine's clock [s].
+        payload: Its bytes.
+        start: Its place in the recording.
+        end: The place after it.
+    """
 
     stamp: float
     payload: bytes
@@ -69,16 +81,16 @@ class Arrival(NamedTuple):
 
 @dataclass
 class Sweep:
-    """Where in the file the packets of a sweep are.
+    """Places of the packets of a sweep in a recording.
 
     Attributes:
-        number: Counting on through the recording.
-        frame: By which its packets are known (`Decoder.frame_of`).
-        start: Where the first begins, and
-        end: where the last one ends.
-        seconds: When its first points were seen, by the sensor's clock, infinite where that is not known.
-        arrival: When its first packet came [s].
-        packets: How many there are.
+        number: Number of the sweep, increasing through the recording.
+        frame: The sweep's number in its packets (`Decoder.frame_of`).
+        start: Place of the first packet.
+        end: Place after the last packet.
+        seconds: Time of its first points by the sensor's clock [s]; infinite if unknown.
+        arrival: Arrival of its first packet [s].
+        packets: Number of packets.
     """
 
     number: int
@@ -91,7 +103,7 @@ class Sweep:
 
 
 def sweeps_of(arrivals: Iterable[Arrival], decoder: Decoder) -> list[Sweep]:
-    """The sweeps in a recording, in their order; packets that came late count to theirs."""
+    """Find the sweeps in a recording, in their order; late packets belong to their own sweep."""
     place, found = decoder.placing(), dict[int, Sweep]()
     for stamp, payload, start, end in arrivals:
         where = place(payload)
@@ -108,8 +120,11 @@ def sweeps_of(arrivals: Iterable[Arrival], decoder: Decoder) -> list[Sweep]:
 
 
 def unwrapped(modulus: int) -> Callable[[int], int]:
-    """A function that counts on where the numbers it is given begin anew after `modulus`, and goes back a little for
-    packets that came late. Where they jump farther the next number follows: stamps tell the pause."""
+    """Return a function that unwraps numbers which restart at `modulus`.
+
+    Late packets get the numbers of their sweeps. After a jump of more than `PAUSE` ahead, or `LATE` back, the next
+    number follows: the stamps tell the pause.
+    """
     last: int | None = None
     highest = shift = 0
 

@@ -1,5 +1,7 @@
-"""Points of a Velodyne from the packets that it sends, through velodyne-decoder, which is an extra:
-`pip install 'lidarlift[packets]'`."""
+"""Points of a Velodyne from its packets, by velodyne-decoder.
+
+It is an extra: `pip install 'lidarlift[packets]'`.
+"""
 
 from __future__ import annotations
 
@@ -16,27 +18,27 @@ from slam.data.sensor import Sensor, load_sensor
 
 PACKET = 1206  # bytes
 BLOCK = 100  # bytes of the points of one or two firings
-HOUR = 3600.0  # s, after which the clock of packets begins anew
+HOUR = 3600.0  # s, after which the clock of packets restarts
 TURN, REAR = 36000, 18000  # hundredths of a degree
-#: What the last byte of a packet says, and which of our sensors that is.
+#: Last byte of a packet, and the built-in sensor that it denotes.
 MODELS = {0x21: "hdl32", 0x22: "vlp16", 0x24: "puck-hires", 0x28: "vlp32c", 0xA1: "vls128"}
-RETURNS = (0x37, 0x38, 0x39, 0x3A, 0x3B)  # what the byte before says: strongest, last, both, ...
-FIRST = 16  # packets that are looked at for that
+RETURNS = (0x37, 0x38, 0x39, 0x3A, 0x3B)  # values of the byte before it: strongest, last, both, ...
+FIRST = 16  # packets that are read for the model
 STRONGEST = 1  # bit of a point's return_type
 
 
 class VelodyneDecoder:
-    """Turns of one Velodyne, cut where it looks to the rear, at the next packet. See `Decoder`.
+    """Decoder of one Velodyne, whose turns begin with the first packet after the rear. See `Decoder`.
 
-    Of two returns of a laser the stronger one is taken.
+    Of two returns of a laser, the stronger one is used.
 
     Args:
-        payloads: Its packets, from the first on; as many are looked at as it takes to know the model, which an HDL-64E
-            says, with its calibration, in the last bytes of some 4,200 packets.
+        payloads: Its packets from the first on. They are read until the model is known; an HDL-64E states model and
+            calibration in the last bytes of some 4,200 packets.
         where: The recording, for messages.
 
     Raises:
-        InputError: velodyne-decoder is not installed, or the model cannot be told.
+        InputError: velodyne-decoder is not installed, or the model is unknown.
     """
 
     def __init__(self, payloads: Iterable[bytes], where: object) -> None:
@@ -58,7 +60,7 @@ class VelodyneDecoder:
         try:
             status = reader.read_status_info(payloads)
             said = reader.status_info_to_calib_dict(status)
-        except Exception as error:  # whatever Python happens to raise on packets of something else
+        except Exception as error:  # the library may raise anything on packets of something else
             raise InputError(
                 f"{where}: packets of a Velodyne whose model and calibration are not in them ({error}); record more "
                 "than 10 s of it, or convert it to .pcd files with the maker's driver"
@@ -70,7 +72,7 @@ class VelodyneDecoder:
         return {"model": model, "calibration": self._library.Calibration.from_string(yaml.safe_dump(said))}
 
     def frame_of(self, payload: bytes) -> int | None:
-        """0 for every packet with points: where a turn is in the file, there is no other."""
+        """Return 0 for a packet with points, None for another: the packets of turns do not mix."""
         return 0 if is_velodyne(payload) else None
 
     def placing(self) -> Callable[[bytes], Place | None]:
@@ -92,7 +94,7 @@ class VelodyneDecoder:
         return place
 
     def points(self, packets: Sequence[Packet]) -> Array:
-        """The points of a turn, (N,) with x y z intensity time ring among others; time [s] from its first packet on."""
+        """Return the points of a turn, (N,) with x y z intensity time ring; time [s] from its first packet."""
         vd = self._library
         decoder = vd.ScanDecoder(vd.Config(timestamp_first_packet=True, **self._config))
         _, points = decoder.decode(vd.PacketVector([vd.VelodynePacket(stamp, data) for stamp, data in packets]), True)
@@ -102,20 +104,19 @@ class VelodyneDecoder:
 
 
 def _model(packets: Sequence[bytes]) -> str | None:
-    """By the last two bytes, return mode and model, the same in all packets; an HDL-64E's say other things in turn."""
+    """The model, by the last two bytes of packets, which an HDL-64E uses for other data."""
     last = {packet[-2:] for packet in packets}
     mode, model = last.pop() if len(last) == 1 else (0, 0)
     return MODELS.get(model) if mode in RETURNS else None
 
 
 def is_velodyne(payload: bytes) -> bool:
-    """Whether a datagram is a packet with points of a Velodyne."""
+    """Return whether a datagram is a Velodyne's packet with points."""
     return len(payload) == PACKET and payload[:2] in (b"\xff\xee", b"\xff\xdd")
 
 
 def decode(packets: Sequence[Packet], where: object) -> Array:
-    """The points of one turn, as ROS messages have its packets. See `VelodyneDecoder.points`; of an HDL-64E, whose
-    calibration comes in many turns, keep a `VelodyneDecoder` instead."""
+    """Return the points of the packets of one turn. See `VelodyneDecoder.points`."""
     return VelodyneDecoder([payload for _, payload in packets], where).points(packets)
 
 

@@ -1,4 +1,4 @@
-"""Which of a recording's topics are used: for scans, images, camera and truth."""
+"""Choice of a recording's topics: for scans, images, calibration and ground truth."""
 
 from __future__ import annotations
 
@@ -10,25 +10,34 @@ from slam.data.point_blocks import UnreadableError
 from slam.data.point_files import NAMES
 from slam.data.problem import Problem
 from slam.data.recordings.clouds import CLOUDS
-from slam.data.recordings.messages import CAMERA_INFO, COMPRESSED, IMAGE, OLD_TRANSFORMS, TRANSFORMS
+from slam.data.recordings.messages import CAMERA_INFO, COMPRESSED, FIX, IMAGE, OLD_TRANSFORMS, TRANSFORMS
 from slam.data.recordings.packets import PACKETS
 from slam.data.recordings.recording import TRUTH_TYPES, Recording, Topic
 from slam.data.recordings.scans import packet_bytes
 from slam.data.recordings.transforms import Mounting
 from slam.data.yaml_files import suggest
 
-TRIED = 5  # messages of a topic, until one can be read
-SELDOM = 0.5  # of the most messages that a topic of its kind has: with fewer it is a map, or somebody's selection
+TRIED = 5  # messages of a topic that are read at most until one is sound
+SELDOM = 0.5  # share of the messages of the topic with most of its kind; with fewer, it is a map or a selection
 RAW = re.compile(r"packet|scan|msop|raw", re.IGNORECASE)
 NOT_COLOUR = re.compile(r"depth|mask|label|segment|thermal|infra|disparity", re.IGNORECASE)
 TRUTH = re.compile(r"(^|[/_])(gt|ground_?truth|truth|reference|mocap|vicon|optitrack|vrpn)", re.IGNORECASE)
 TRANSPORT = re.compile(r"/(compressed|theora|ffmpeg)$")
-MOVING = 200  # messages of /tf that are looked at for what does not move
+MOVING = 200  # messages of /tf that are read to find the frames that do not move
 
 
 def cloud_topic(recording: Recording, said: str | None) -> tuple[Topic, tuple[Problem, ...]]:
-    """The topic with the scans: the one that is said, else the one whose first scan has most of times, rings and
-    points, of those that come often. Packets are used where there are no point clouds.
+    """Return the topic with the scans.
+
+    By default, it is the topic whose first scan has times, else rings, else most points, among those with many
+    messages. Packets are used if there are no point clouds.
+
+    Args:
+        recording: The recording.
+        said: The topic that the user names, None for the default.
+
+    Returns:
+        The topic, and a Problem if there are others.
 
     Raises:
         InputError: There is none, or none of the name that is said.
@@ -95,8 +104,13 @@ def _same_camera(recording: Recording, topic: Topic, other: Topic) -> bool:
 
 
 def info_topic(recording: Recording, images: Topic, only: bool) -> Topic | None:
-    """Return the CameraInfo of a topic with images: in its name space, of its frame, or the only one of an `only`
-    camera."""
+    """Return the CameraInfo of a topic with images: in its name space, else of its frame.
+
+    Args:
+        recording: The recording.
+        images: The topic with images.
+        only: Whether it is of the only camera, so that the only CameraInfo belongs to it.
+    """
     infos = recording.of_type(CAMERA_INFO)
     inside = [topic for topic in infos if camera_space(topic.name) == camera_space(images.name)]
     framed = [topic for topic in infos if _same_camera(recording, topic, images)]
@@ -105,19 +119,23 @@ def info_topic(recording: Recording, images: Topic, only: bool) -> Topic | None:
 
 
 def truth_topic(recording: Recording, said: str | None) -> tuple[Topic | None, tuple[Problem, ...]]:
-    """The topic with the true poses: the one that is said, else the one whose name says so. What a robot only believes
-    of its own way is not taken for truth.
+    """Return the topic with the ground truth: the one that is said, else one of poses whose name says so, else GNSS.
+
+    The odometry of a robot is not taken for ground truth.
 
     Raises:
         InputError: There is none of the name that is said.
     """
-    known = recording.of_type(*TRUTH_TYPES)
+    known, fixes = recording.of_type(*TRUTH_TYPES), recording.of_type(FIX)
     if said is not None:
-        return _named(recording, said, known, "--truth-topic", "poses"), ()
+        return _named(recording, said, [*known, *fixes], "--truth-topic", "poses"), ()
     named = [topic for topic in known if TRUTH.search(topic.name)]
     if named:
         best = max(named, key=lambda topic: topic.count)
         return best, _several(recording, named, best, "true poses", "--truth-topic")
+    if fixes:
+        best = max(fixes, key=lambda topic: topic.count)
+        return best, _several(recording, fixes, best, "GNSS fixes", "--truth-topic")
     if known:
         text = f"{recording.path}: poses on {', '.join(map(str, known))}, none of which is called truth"
         return None, (Problem("no ground truth", f"{text}; to take one as such name it with --truth-topic"),)
@@ -125,7 +143,7 @@ def truth_topic(recording: Recording, said: str | None) -> tuple[Topic | None, t
 
 
 def mounting_of(recording: Recording) -> Mounting:
-    """How the frames are fixed to each other."""
+    """Read how the frames are mounted to each other, from /tf_static and a sample of /tf."""
     mounting = Mounting()
     for topic in recording.of_type(TRANSFORMS, OLD_TRANSFORMS):
         fixed = "static" in topic.name
@@ -139,7 +157,7 @@ def mounting_of(recording: Recording) -> Mounting:
 
 
 def is_rectified(images: str) -> bool:
-    """Whether the images of a topic are rectified, by its name: image_rect, image_rect_color/compressed."""
+    """Return whether the images of a topic are rectified, by its name: image_rect, image_rect_color/compressed."""
     return "rect" in TRANSPORT.sub("", images).rpartition("/")[2]
 
 
@@ -171,7 +189,7 @@ def _several(recording: Recording, known: Sequence[Topic], best: Topic, what: st
 
 
 def _instead(recording: Recording) -> str:
-    """What there is where there are no clouds."""
+    """The content of a recording without point clouds, for the error message."""
     if not recording.topics:
         return ", nor anything else"
     raw = [topic for topic in recording.topics.values() if RAW.search(topic.name) or RAW.search(topic.type)]
@@ -183,7 +201,7 @@ def _instead(recording: Recording) -> str:
 
 
 def _worth(recording: Recording, topic: Topic) -> tuple[bool, bool, int]:
-    """Has it times, has it rings, and how many points has a scan?"""
+    """Whether the scans have times, whether they have rings, and the number of points of the first sound one."""
     for number in range(min(topic.count, TRIED)):
         try:
             content, encoding = recording.read(topic.name, number)

@@ -1,4 +1,4 @@
-"""The stamps of a topic's messages, and how they go with the time of recording."""
+"""Stamps of a topic's messages, compared with the times of recording."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Stamped:
     """Some messages of a topic.
 
     Attributes:
-        numbers: (N,) int64, theirs in the topic.
-        stamps: (N,) float64 [s], NaN where a message has none that can be read.
-        lag: Seconds from stamp to recording, usually.
-        by_header: Whether the stamps are those of the messages' headers, or times of recording.
-        frame: The frame that most of them name.
+        numbers: (N,) int64, numbers of the messages in the topic.
+        stamps: (N,) float64 [s], NaN for a message without a readable stamp.
+        lag: Median time from stamp to recording [s].
+        by_header: Whether the stamps are those of the messages' headers; if not, they are times of recording.
+        frame: The frame that most of the messages name.
     """
 
     numbers: Array
@@ -33,14 +33,19 @@ class Stamped:
     frame: str
 
     def on(self, other: Stamped) -> Array:
-        """The stamps (N,) on the clock of `other`: where the two lag by very different times, their clocks are not the
-        same, and only the times of recording say how they go together."""
+        """Return the stamps (N,) [s] on the clock of `other`.
+
+        If the lags of the two differ by more than `APART`, their clocks differ, and the times of recording relate them.
+        """
         apart = self.lag - other.lag
         return self.stamps + apart if abs(apart) > APART else self.stamps
 
 
 def stamped(recording: Recording, topic: str, numbers: Array) -> Stamped:
-    """The stamps of some messages (N,) of a topic: of their headers, or where these tell nothing, of recording."""
+    """Return the stamps of the messages `numbers` (N,) of a topic.
+
+    They are those of the headers; the times of recording if the headers have none, all the same, or all 0.
+    """
     recorded = seconds(recording.times(topic)[numbers])
     headers = [recording.header(topic, int(number)) for number in numbers]
     stamps = np.array([np.nan if header is None else header.stamp / 10**9 for header in headers])
@@ -54,7 +59,7 @@ def stamped(recording: Recording, topic: str, numbers: Array) -> Stamped:
 
 
 def clock_problems(found: Stamped, where: str) -> tuple[Problem, ...]:
-    """What is to be said of stamps that are not the times of recording."""
+    """Return a Problem if stamps are missing or differ from the times of recording by more than `APART`."""
     if not found.by_header:
         text = f"{where}: the headers have no stamps; the times of recording are taken"
         return (Problem("no time stamps", text),)
@@ -65,5 +70,5 @@ def clock_problems(found: Stamped, where: str) -> tuple[Problem, ...]:
 
 
 def seconds(nanoseconds: Array) -> Array:
-    """(N,) float64 of (N,) int64, each the nearest there is."""
+    """Convert nanoseconds (N,) int64 to seconds (N,) float64, each correctly rounded."""
     return np.array([int(value) / 10**9 for value in nanoseconds], np.float64)

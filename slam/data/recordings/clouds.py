@@ -1,4 +1,4 @@
-"""Scans in messages as structured arrays, whose fields have the names and types that the driver gave them."""
+"""Point clouds in messages as structured arrays, whose fields have the names and types that the driver gave them."""
 
 from __future__ import annotations
 
@@ -21,10 +21,13 @@ LIVOX_POINT = [
 
 
 def point_cloud(content: bytes, encoding: str) -> Array:
-    """The fields of a PointCloud2 that are of use: (N,), or (H, W) where it is organised.
+    """Return the fields of a PointCloud2 that can be used.
+
+    Returns:
+        A structured array (N,), or (H, W) for an organised cloud.
 
     Raises:
-        UnreadableError: It is damaged, or its fields and sizes contradict each other.
+        UnreadableError: The message is damaged, or its fields and sizes contradict each other.
     """
     message = read_message(content, CLOUD, encoding)
     height, width, step = int(message.height), int(message.width), int(message.point_step)
@@ -37,14 +40,14 @@ def point_cloud(content: bytes, encoding: str) -> Array:
     point = _layout(message.fields, step, ">" if message.is_bigendian else "<")
     if height == 1:
         return data[: width * step].view(point)
-    if len(data) < height * stride:  # the last row without what fills the others up
+    if len(data) < height * stride:  # the last row lacks the padding of the others
         data = np.concatenate([data, np.zeros(height * stride - len(data), np.uint8)])
     rows = data[: height * stride].reshape(height, stride)[:, : width * step]
     return np.ascontiguousarray(rows).view(point)
 
 
 def _layout(fields: list[object], step: int, order: str) -> np.dtype:
-    """Of a point of `step` bytes: one number for each field that may be used; padding has none."""
+    """The type of a point of `step` bytes with the fields that can be used, without padding."""
     names, kinds, offsets = list[str](), list[str](), list[int]()
     for field in fields:
         name, kind = str(field.name), KINDS.get(int(field.datatype))  # type: ignore[attr-defined]
@@ -60,15 +63,15 @@ def _layout(fields: list[object], step: int, order: str) -> np.dtype:
 
 
 def livox(content: bytes, encoding: str) -> Array:
-    """The points (N,) of a CustomMsg of Livox' drivers.
+    """Return the points (N,) of a CustomMsg of Livox' drivers.
 
-    It is read here, since recordings need not have its definition, and an object for each point would take long:
+    It is read here, since recordings need not have its definition, and an object for each point would be slow:
 
         Header header, uint64 timebase, uint32 point_num, uint8 lidar_id, uint8[3] rsvd, CustomPoint[] points
         CustomPoint: uint32 offset_time, float32 x, y, z, uint8 reflectivity, tag, line
 
     Raises:
-        UnreadableError: It is damaged.
+        UnreadableError: The message is damaged.
     """
     at = header_of(content, encoding).end
     if encoding == ROS1:
@@ -87,7 +90,7 @@ def livox(content: bytes, encoding: str) -> Array:
     return np.frombuffer(content[at:].ljust(count * stride, b"\0"), point, count)
 
 
-#: How the points of a scan are read, by the type of its messages: a function of a message's bytes and their encoding.
+#: Readers of the points of a scan by the type of its message: functions of a message's bytes and their encoding.
 CLOUDS: dict[str, Callable[[bytes, str], Array]] = {
     CLOUD: point_cloud,
     "livox_ros_driver/msg/CustomMsg": livox,

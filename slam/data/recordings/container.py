@@ -1,7 +1,7 @@
-"""What the files of recordings share: messages on channels, found once by their places and then read one by one.
+"""Files of recordings as an index of messages, which are then read one by one; common parts of the formats.
 
-rosbags refuses files without an end, and reads from front to back. So the containers are walked here; what the messages
-hold is rosbags' part.
+rosbags refuses files without an end and reads from front to back. Therefore the containers are read here, and the
+content of the messages by rosbags.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from slam.data.point_blocks import UnreadableError
 
 ROS1, CDR = "ros1", "cdr"
 CACHED = 3  # chunks that are kept unpacked: a scan and its image often share one
-LARGEST = 1 << 31  # bytes of a chunk or message; whatever says more is damaged
+LARGEST = 1 << 31  # bytes of a chunk or message; a larger size is damage
 
 
 class Channel(NamedTuple):
     """A topic in a file.
 
     Attributes:
-        topic: Its name.
-        type: Of its messages, as ROS 2 writes it: 'sensor_msgs/msg/PointCloud2'.
-        encoding: How they are written, `ROS1` or `CDR`.
+        topic: Name of the topic.
+        type: Type of its messages, as ROS 2 writes it: 'sensor_msgs/msg/PointCloud2'.
+        encoding: Encoding of its messages, `ROS1` or `CDR`.
     """
 
     topic: str
@@ -40,7 +40,7 @@ class Channel(NamedTuple):
 
 
 class Series:
-    """The messages of a channel: how many, from when to when, and where each is if anybody wants to read them.
+    """Index of the messages of a channel.
 
     Args:
         kept: Whether the places of the messages are kept.
@@ -57,7 +57,13 @@ class Series:
         self._rows = array("q")
 
     def add(self, times: Array, blocks: int | Array, offsets: Array) -> None:
-        """Messages at `times` (N,) [ns], in blocks, at offsets (N,) within them."""
+        """Add messages.
+
+        Args:
+            times: (N,) int64, when they were recorded [ns].
+            blocks: Block of all, or of each (N,).
+            offsets: (N,) int64, offset of each in its block.
+        """
         if len(times) == 0:
             return
         steps = np.diff(times, prepend=self.last if self.count else times[0])
@@ -71,7 +77,7 @@ class Series:
 
     @property
     def rows(self) -> Array:
-        """(N, 3) int64: time [ns], block, offset."""
+        """The kept messages, (N, 3) int64: time [ns], block, offset."""
         return np.frombuffer(self._rows, np.int64).reshape(-1, 3) if len(self._rows) else np.zeros((0, 3), np.int64)
 
 
@@ -79,10 +85,10 @@ class Container(Protocol):
     """A file of a recording. It may be read from any thread.
 
     Attributes:
-        path: Of the file.
-        channels: By their numbers in the file.
-        series: The messages of each.
-        fault: What is wrong with it, and was gone around; '' for nothing.
+        path: The file.
+        channels: The channels by their numbers in the file.
+        series: The messages of each channel.
+        fault: Damage despite which the file is read; '' for none.
     """
 
     path: Path
@@ -91,12 +97,23 @@ class Container(Protocol):
     fault: str
 
     def read(self, block: int, offset: int, most: int | None = None) -> bytes:
-        """A message, or no more than its first `most` bytes. Raises UnreadableError where it is damaged."""
+        """Read a message, or at most its first `most` bytes.
+
+        Raises:
+            UnreadableError: The message is damaged.
+        """
         ...
 
 
 class Block(NamedTuple):
-    """A chunk of a file: where its bytes are, how they are packed, and how many they are unpacked."""
+    """A chunk of a file.
+
+    Attributes:
+        start: Place of its bytes in the file.
+        size: Number of bytes in the file.
+        packing: Compression; '' or 'none' for none.
+        unpacked: Number of bytes after decompression.
+    """
 
     start: int
     size: int
@@ -105,10 +122,13 @@ class Block(NamedTuple):
 
 
 class Chunked:
-    """The part that ROS 1 bags and MCAP have in common: chunks of messages, each followed by their places in it.
+    """Common part of ROS 1 bags and MCAP: chunks of messages, each followed by the index of its messages.
 
-    A walk goes from chunk to chunk and reads these places alone. Where they are missing, as where a file ends in the
-    middle, the chunk itself is looked through.
+    Only the indexes are read at first. If an index is missing, as where a file was cut off, the chunk itself is read.
+
+    Args:
+        path: The file.
+        wanted: Types of the messages whose places are kept.
     """
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
@@ -127,7 +147,11 @@ class Chunked:
         return found
 
     def unpacked(self, block: int) -> bytes:
-        """The bytes of a chunk, as many as can be had."""
+        """Return the bytes of a chunk; of one that is cut short, those that are there.
+
+        Raises:
+            UnreadableError: The chunk is damaged.
+        """
         with self._lock:
             if block in self._unpacked:
                 self._unpacked.move_to_end(block)
@@ -141,13 +165,17 @@ class Chunked:
         return content
 
     def window(self, block: int, offset: int, size: int) -> bytes:
-        """Up to `size` bytes from `offset` on in a chunk, or in the file where `block` is -1."""
+        """Return up to `size` bytes from `offset` on in a chunk; in the file if `block` is -1.
+
+        Raises:
+            UnreadableError: The chunk is damaged.
+        """
         if block < 0 or self.blocks[block].packing in ("", "none"):
             return self._bytes(block, offset, size)
         return self.unpacked(block)[offset : offset + size]
 
     def _bytes(self, block: int, offset: int, size: int) -> bytes:
-        """The same of what is in the file, whatever it says of sizes."""
+        """The same without decompression; never beyond the end of the chunk or the file."""
         start, end = 0, self._size
         if block >= 0:
             start, length, _, _ = self.blocks[block]
@@ -155,13 +183,17 @@ class Chunked:
         size = min(size, end - start - offset)
         if size <= 0:
             return b""
-        with self.path.open("rb") as file:  # opened anew each time, for any thread may ask
+        with self.path.open("rb") as file:  # opened each time, for any thread may read
             file.seek(start + offset)
             return file.read(size)
 
 
 def unpack(content: bytes, packing: str, length: int) -> bytes:
-    """The bytes of a chunk; of one that is cut short, those that come before. Raises UnreadableError on damage."""
+    """Decompress a chunk; of one that is cut short, the part that is there.
+
+    Raises:
+        UnreadableError: The chunk is damaged, or its compression is unknown.
+    """
     if length > LARGEST:
         raise UnreadableError(f"a chunk of {length} bytes")
     try:
@@ -173,14 +205,18 @@ def unpack(content: bytes, packing: str, length: int) -> bytes:
 
 
 def unpack_lz4(content: bytes, length: int) -> bytes:
-    """LZ4's frame format, up to `length` bytes."""
+    """Decompress LZ4's frame format, up to `length` bytes."""
     import lz4.frame
 
     return bytes(lz4.frame.LZ4FrameDecompressor().decompress(content, length))
 
 
 def unpack_zstd(content: bytes, length: int = LARGEST) -> bytes:
-    """One or more Zstandard frames, up to `length` bytes each."""
+    """Decompress one or more Zstandard frames, up to `length` bytes each.
+
+    Raises:
+        ValueError: They are damaged.
+    """
     module = _zstd()
     result = b""
     try:
@@ -212,7 +248,12 @@ UNPACK: dict[str, Callable[[bytes, int], bytes]] = {
 
 
 def exactly(file: BinaryIO, size: int) -> bytes:
-    """The next bytes. Raises EOFError where the file ends before."""
+    """Read the next `size` bytes.
+
+    Raises:
+        EOFError: The file ends before.
+        UnreadableError: The size is that of a damaged record.
+    """
     if size > LARGEST:
         raise UnreadableError(f"a record of {size} bytes")
     content = file.read(size)
@@ -222,7 +263,11 @@ def exactly(file: BinaryIO, size: int) -> bytes:
 
 
 def number(content: bytes, kind: str, offset: int = 0) -> int:
-    """One number of a `struct` format. Raises UnreadableError where the bytes end before."""
+    """Read one number of a `struct` format.
+
+    Raises:
+        UnreadableError: The bytes end before.
+    """
     try:
         return int(struct.unpack_from(kind, content, offset)[0])
     except struct.error:

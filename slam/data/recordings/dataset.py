@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,52 +15,56 @@ from slam.data.point_files import Points
 from slam.data.problem import Problem
 from slam.data.recordings.cameras import RecordedCamera, Scans, find_cameras
 from slam.data.recordings.choice import cloud_topic, mounting_of, truth_topic
-from slam.data.recordings.clock import Stamped, clock_problems, seconds
+from slam.data.recordings.clock import clock_problems, seconds
 from slam.data.recordings.images import RecordedImage
 from slam.data.recordings.packets import PACKETS
 from slam.data.recordings.recording import Recording, Topic, recordings_at
 from slam.data.recordings.scans import MessageScans, PacketTopicScans, TopicScans
 from slam.data.recordings.transforms import Mounting
-from slam.data.recordings.truth import read_truth
+from slam.data.recordings.truth import RecordedTruth, TruthOf, read_truth
 from slam.data.scan_columns import SAMPLES, find_columns
 from slam.data.scan_names import named_scans
 from slam.data.sensor import conventions_of_folder, sensor_of_folder
 from slam.data.sound_points import NONE, Offset, map_frame
 from slam.data.stamps import mended, usual_step
 
-LOOKED_AT = 3 * SAMPLES  # scans at most, for as many as are needed with points
+LOOKED_AT = 3 * SAMPLES  # scans that are read at most to find those with points
 
 
 class RecordedSequence:
-    """A ROS 1 bag, or a recording of ROS 2 in SQLite or MCAP: PointCloud2 or Livox' messages as scans.
+    """A ROS 1 bag, or a recording of ROS 2 in SQLite or MCAP: point clouds or a LiDAR's packets as scans.
 
-    Used with them, where there are any: images with CameraInfo and the transform between the two frames; true poses.
-    In the folder of the recording, or beside its file, may lie `sensor.yaml` (see `load_sensor`, `Conventions`) and
-    `calib.yaml` (see `read_cameras`), which holds before CameraInfo and transforms. See `Dataset` for the fields;
-    `numbers` count the scans of the topic, from 0. Raises InputError where there are no scans.
+    Images with CameraInfo and a transform to the LiDAR, and ground truth, are used if they are there. In the folder of
+    the recording, or beside its file, may be `sensor.yaml` (see `load_sensor`, `Conventions`) and `calib.yaml` (see
+    `read_cameras`), which comes before CameraInfo and transforms. See `Dataset` for the attributes; `numbers` count the
+    scans of the topic, from 0.
 
     Args:
         path: The file, or the folder that rosbag2 has written.
-        sensor: Overrides what sensor.yaml says of the LiDAR.
-        stamp: The instant of a sweep that stamps belong to, 'start', 'middle' or 'end'. By default the points' times
-            tell.
-        point_time: The field with the points' times, FIELD or FIELD:UNIT. By default the first that can have them.
-        topic: The scans'. By default the one with times, rings and most points.
-        image_topic: The images'. By default one with a CameraInfo.
-        truth_topic: The true poses'. By default one that is called so.
-        start: Seconds after the start of the recording that are left out, and
-        duration: of those that are used. By default all.
+        sensor: Overrides the LiDAR of sensor.yaml; for Ouster's packets, its metadata (.json).
+        stamp: Instant of the sweep that the stamps refer to, 'start', 'middle' or 'end'. Default: from the points'
+            times.
+        point_time: Field with the points' times, FIELD or FIELD:UNIT. Default: the first that can be times.
+        topic: Topic of the scans. Default: see `cloud_topic`.
+        image_topic: Topic of the only camera that is used. Default: all cameras whose calibration is known.
+        truth_topic: Topic of the ground truth. Default: see `truth_topic`.
+        start: Seconds after the start of the recording that are left out.
+        duration: Seconds that are used. Default: all.
 
     Attributes:
-        recording: All that there is: topics, their types, counts and rates.
-        topics: Those in use, by 'points', 'images' and 'truth'.
+        recording: The recording with all its topics.
+        topics: The topics in use, by 'points', 'images' and 'truth'.
+        true_positions: (N, 3) positions [m], if the ground truth has no rotations; else None.
+
+    Raises:
+        InputError: There are no scans, a topic is not there, or a file beside the recording cannot be read.
     """
 
     LAYOUT = "a recording (.bag, .db3, .mcap)"
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The recordings at the path, unless there are scans beside them. See `Loader`."""
+        """Return the recordings at the path, unless there are scans beside them. See `Loader`."""
         found = recordings_at(path)
         if path.is_dir() and found and not (path / "metadata.yaml").is_file() and named_scans(path).files:
             return {}
@@ -111,7 +116,8 @@ class RecordedSequence:
         self.calibration = self._cameras[0].calibration if self._cameras else None
         for at, camera in enumerate(self._cameras, 1):
             self.topics["images" if at == 1 else f"images {at}"] = camera.topic.name
-        self.ground_truth, untrue = self._truth(truth_topic, clouds, mounting)
+        truth = self._truth(truth_topic, TruthOf(clouds, self.stamps, self.numbers, scans.recorded), mounting)
+        self.ground_truth, self.true_positions = truth.poses, truth.positions
         told = (
             *self.recording.problems,
             *several,
@@ -120,7 +126,7 @@ class RecordedSequence:
             *repaired,
             *odd,
         )
-        self.problems = (*told, *self._columns.problems, *blind, *untrue)
+        self.problems = (*told, *self._columns.problems, *blind, *truth.problems)
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -160,11 +166,11 @@ class RecordedSequence:
         return Path(f"{self.path}: {self._topic.name}")
 
     def _name(self, number: int) -> Path:
-        """Of a scan, for messages."""
+        """The name of a scan, for messages."""
         return Path(f"{self._where}, message {number}")
 
     def _in_window(self, topic: Topic, start: float | None, duration: float | None) -> Array:
-        """The numbers of the messages that are asked for, by when they were recorded."""
+        """The numbers of the messages in the chosen part, by their times of recording."""
         times = seconds(self.recording.times(topic.name))
         begin = min(other.first for other in self.recording.topics.values()) + (start or 0.0)
         chosen = np.flatnonzero((times >= begin) & (times < begin + (np.inf if duration is None else duration)))
@@ -175,11 +181,11 @@ class RecordedSequence:
         return chosen
 
     def points(self, position: int) -> Points:
-        """A scan as the recording has it."""
+        """Read a scan as the recording has it."""
         return self._scans.points(position, self._offset)
 
     def _first_scans(self) -> tuple[list[tuple[Points, float | None]], tuple[Problem, ...]]:
-        """The first with points, and their stamps; where these are in a map's frame, it is moved for all scans."""
+        """The first scans with points, and their stamps. Scans in a map's frame are moved by one offset for all."""
         found: list[tuple[Points, float | None]] = []
         faults: list[str] = []
         for position in range(min(len(self), LOOKED_AT)):
@@ -196,17 +202,17 @@ class RecordedSequence:
         odd = (Problem("map coordinates", f"{self._where}: {map_frame(self._offset or NONE)}"),) if moved else ()
         return found, odd
 
-    def _truth(self, said: str | None, clouds: Stamped, mounting: Mounting) -> tuple[Array | None, tuple[Problem, ...]]:
+    def _truth(self, said: str | None, scans: TruthOf, mounting: Mounting) -> RecordedTruth:
         topic, odd = truth_topic(self.recording, said)
         if topic is None:
-            return None, odd
-        truth, problems = read_truth(self.recording, topic, clouds, self.stamps, mounting)
-        if truth is not None:
+            return RecordedTruth(problems=odd)
+        truth = read_truth(self.recording, topic, scans, mounting)
+        if truth.poses is not None or truth.positions is not None:
             self.topics["truth"] = topic.name
-        return truth, (*odd, *problems)
+        return replace(truth, problems=(*odd, *truth.problems))
 
     @property
     def _middle(self) -> float:
-        """Seconds from the stamp to when half of a scan's points were seen: an image of then shows most of them."""
+        """Time [s] from the stamp to the middle of the points' times: an image of then shows most of the points."""
         times = self.point_times
         return (times.first + times.last) / 2 if times.field else 0.0

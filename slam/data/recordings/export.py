@@ -1,4 +1,4 @@
-"""A run's trajectory and map as an MCAP file, as RViz and Foxglove show them."""
+"""A run's trajectory and map as an MCAP file for RViz and Foxglove."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from slam.data.recordings.writer import RecordingWriter, recording_writer
 
 WORLD, LIDAR = "map", "lidar"
 PATH_TOPIC, ODOMETRY_TOPIC, MAP_TOPIC = "/lidarlift/path", "/lidarlift/odometry", "/lidarlift/map"
-MAP_POINTS = 2_000_000  # of a message: viewers and networks refuse much larger ones
+MAP_POINTS = 2_000_000  # of a message: viewers and networks refuse much larger messages
 
 
 def write_mcap(path: Path, stamps: Array, poses: Array, cloud: PointCloud) -> None:
-    """The map as PointCloud2 and the whole way as Path at the first stamp; at each stamp Odometry and the transform.
+    """Write map and path at the first stamp, and Odometry and a transform at each stamp.
 
     Args:
         path: The file.
         stamps: (N,) [s].
         poses: (N, 4, 4) T_map_lidar.
-        cloud: The map, in parts where it is large, each on a topic of its own.
+        cloud: The map, written as PointCloud2; a large one in parts, each on a topic of its own.
 
     Raises:
         InputError: The file cannot be written.
@@ -48,8 +48,8 @@ def write_mcap(path: Path, stamps: Array, poses: Array, cloud: PointCloud) -> No
 
 def _write_path(writer: RecordingWriter, times: list[int], poses: Array) -> None:
     header = writer.header(times[0], WORLD)
-    way = [writer.stamped_pose(time, WORLD, pose) for time, pose in zip(times, poses, strict=True)]
-    writer.write(PATH_TOPIC, times[0], writer.make("nav_msgs/msg/Path", header=header, poses=way))
+    poses_ = [writer.stamped_pose(time, WORLD, pose) for time, pose in zip(times, poses, strict=True)]
+    writer.write(PATH_TOPIC, times[0], writer.make("nav_msgs/msg/Path", header=header, poses=poses_))
 
 
 def _write_map(writer: RecordingWriter, time: int, cloud: PointCloud) -> None:

@@ -13,7 +13,7 @@ from slam.data.problem import Problem
 from slam.data.recordings.messages import COMPRESSED, IMAGE, read_message
 from slam.data.recordings.recording import Recording, Topic
 
-#: Encodings of images: channels, and the conversion of OpenCV into RGB, None for none.
+#: Encodings of images: number of channels, and OpenCV's conversion into RGB, None for none.
 ENCODINGS = {
     **{"rgb8": (3, None), "8UC3": (3, "BGR2RGB"), "bgr8": (3, "BGR2RGB"), "rgba8": (4, "RGBA2RGB")},
     **{"bgra8": (4, "BGRA2RGB"), "8UC4": (4, "BGRA2RGB"), "mono8": (1, "GRAY2RGB"), "8UC1": (1, "GRAY2RGB")},
@@ -22,17 +22,25 @@ ENCODINGS = {
     **{"yuv422": (2, "YUV2RGB_UYVY"), "uyvy": (2, "YUV2RGB_UYVY"), "yuv422_yuy2": (2, "YUV2RGB_YUY2")},
     **{"yuyv": (2, "YUV2RGB_YUY2")},
 }
-#: Of two bytes a value, the upper of which is kept.
+#: Encodings of two bytes per value, the upper of which is kept.
 WIDE = {"mono16": "mono8", "16UC1": "mono8", "rgb16": "rgb8", "bgr16": "bgr8"} | {
     f"bayer_{order}16": f"bayer_{order}8" for order in ("rggb", "bggr", "gbrg", "grbg")
 }
 
 
 def image_of(content: bytes, kind: str, encoding: str) -> Array:
-    """(H, W, 3) uint8 RGB of an Image or a CompressedImage.
+    """Decode an Image or a CompressedImage.
+
+    Args:
+        content: Bytes of the message.
+        kind: Type of the message.
+        encoding: Encoding of the message, `ROS1` or `CDR`.
+
+    Returns:
+        (H, W, 3) uint8 RGB.
 
     Raises:
-        UnreadableError: It is damaged, or encoded in a way that is not known.
+        UnreadableError: The message is damaged, or the encoding of its pixels is unknown.
     """
     message = read_message(content, kind, encoding)
     if kind == COMPRESSED:

@@ -1,4 +1,4 @@
-"""MCAP files (mcap.dev/spec), also where their end is missing, or without chunks, indexes and summary."""
+"""MCAP files (mcap.dev/spec), also without their end, chunks, indexes or summary."""
 
 from __future__ import annotations
 
@@ -18,15 +18,18 @@ MAGIC = b"\x89MCAP0\r\n"
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x0F
 PLACE = np.dtype([("time", "<u8"), ("offset", "<u8")])
 HEAD = 9 + 22  # bytes of a record's head, and of a message before its data
-ZSTD = b"\x28\xb5\x2f\xfd"  # of messages that rosbag2 has packed one by one
+ZSTD = b"\x28\xb5\x2f\xfd"  # of messages that rosbag2 has compressed one by one
 
 
 class Mcap(Chunked):
-    """An .mcap of ROS 2 or ROS 1 messages. Raises UnreadableError where it is none.
+    """An .mcap file with messages of ROS 2 or ROS 1. See `Container`.
 
     Args:
         path: The file.
-        wanted: The types of messages whose places are kept.
+        wanted: Types of the messages whose places are kept.
+
+    Raises:
+        UnreadableError: It is no MCAP file.
     """
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
@@ -53,7 +56,7 @@ class Mcap(Chunked):
         return content
 
     def _read_summary(self, file: BinaryIO, size: int) -> None:
-        """Schemas and channels, which the end of a file that is whole repeats."""
+        """Read the schemas and channels, which a complete file repeats at its end."""
         end = 9 + 20 + len(MAGIC)
         file.seek(max(size - end, 0))
         footer = file.read(end)
@@ -122,7 +125,7 @@ class Mcap(Chunked):
             raise EOFError
 
     def _bare_message(self, file: BinaryIO, at: int, length: int, size: int) -> None:
-        """One that is in no chunk."""
+        """Add a message that is in no chunk."""
         channel, _, time, _ = struct.unpack("<HIQQ", exactly(file, 22))
         if at + 9 + length > size:
             raise EOFError
@@ -131,7 +134,7 @@ class Mcap(Chunked):
         file.seek(at + 9 + length)
 
     def _finish(self, places: list[tuple[int, Array]]) -> None:
-        """The messages of the last chunk: by what follows it, or else by looking through it."""
+        """Add the messages of the last chunk, by the index that follows it, else from the chunk itself."""
         if not self.blocks:
             return
         last = len(self.blocks) - 1
@@ -146,7 +149,7 @@ class Mcap(Chunked):
                 self._series(channel).add(found["time"].astype(np.int64), last, found["offset"].astype(np.int64))
 
     def _look_through(self, content: bytes) -> list[tuple[int, Array]]:
-        """The whole messages in a chunk; schemas and channels in it are noted."""
+        """Index the whole messages in a chunk, and note the schemas and channels in it."""
         places: dict[int, list[tuple[int, int]]] = {}
         for at, op, record in _records(BytesIO(content)):
             self._note(op, record)
@@ -157,7 +160,7 @@ class Mcap(Chunked):
 
 
 def _records(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
-    """Place, kind and content of the records up to the end, of the file or of its summary."""
+    """Iterate over place, kind and content of the records up to the end of the file or of its summary."""
     while True:
         at = file.tell()
         try:
@@ -170,6 +173,6 @@ def _records(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
 
 
 def _text(content: bytes, at: int) -> tuple[str, int]:
-    """A string with its length before it, and what comes after."""
+    """Read a string that follows its length, and return the place after it."""
     end = at + 4 + number(content, "<I", at)
     return content[at + 4 : end].decode("utf-8", "replace"), end

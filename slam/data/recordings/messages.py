@@ -1,4 +1,4 @@
-"""Messages of ROS as objects, their stamps and frames, whichever of the two encodings they have."""
+"""Messages of ROS 1 and ROS 2 as objects; their stamps and frames."""
 
 from __future__ import annotations
 
@@ -19,7 +19,13 @@ POSE, POSE_WITH_COVARIANCE = (f"geometry_msgs/msg/{name}" for name in ("PoseStam
 
 
 class Header(NamedTuple):
-    """The header that most messages begin with: its stamp [ns], the frame, and where what follows begins."""
+    """The header that most messages begin with.
+
+    Attributes:
+        stamp: Time stamp [ns].
+        frame: Name of the frame, without a leading slash.
+        end: Place in the message after the header.
+    """
 
     stamp: int
     frame: str
@@ -27,7 +33,11 @@ class Header(NamedTuple):
 
 
 def header_of(content: bytes, encoding: str) -> Header:
-    """The header of a message, of which the first `HEAD` bytes are enough. Raises UnreadableError where it has none."""
+    """Read the header of a message, of which the first `HEAD` bytes suffice.
+
+    Raises:
+        UnreadableError: The message is too short for one.
+    """
     at, order = (4, "<") if encoding == ROS1 else (4, byte_order(content))
     try:
         seconds, nanoseconds, length = struct.unpack_from(f"{order}III", content, at)
@@ -41,7 +51,11 @@ def header_of(content: bytes, encoding: str) -> Header:
 
 
 def byte_order(content: bytes) -> str:
-    """Of a message in CDR: '<' or '>'. Raises UnreadableError where it is something else."""
+    """Return the byte order of a message in CDR, '<' or '>'.
+
+    Raises:
+        UnreadableError: It is no such message.
+    """
     if len(content) < 4 or content[0] != 0 or content[1] > 1:
         raise UnreadableError("no CDR message")
     return "<" if content[1] else ">"
@@ -53,7 +67,7 @@ def _types(encoding: str) -> Any:
 
 
 def type_store(ros1: bool) -> Any:
-    """rosbags' store of the types of ROS 1 or ROS 2. That of ROS 1 lacks TFMessage."""
+    """Return the message types of ROS 1 or ROS 2 as rosbags has them; TFMessage is added to those of ROS 1."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     types = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
@@ -63,9 +77,13 @@ def type_store(ros1: bool) -> Any:
 
 
 def read_message(content: bytes, kind: str, encoding: str) -> Any:
-    """A message of a type that all ROS systems have, as rosbags' object of it.
+    """Deserialise a message of one of ROS' own types.
 
-    Raises UnreadableError where it is damaged.
+    Returns:
+        The message, an object of rosbags.
+
+    Raises:
+        UnreadableError: It is damaged.
     """
     types = _types(encoding)
     kind = TRANSFORMS if kind == OLD_TRANSFORMS else kind
@@ -74,6 +92,6 @@ def read_message(content: bytes, kind: str, encoding: str) -> Any:
             return types.deserialize_ros1(content, kind)
         if encoding == CDR:
             return types.deserialize_cdr(content, kind)
-    except Exception as error:  # whatever the generated code meets in bytes that are something else
+    except Exception as error:  # the generated code may raise anything on damaged bytes
         raise UnreadableError(f"a damaged {kind} ({type(error).__name__}: {error})") from error
     raise UnreadableError(f"messages encoded as '{encoding}'")

@@ -1,4 +1,4 @@
-"""A recording as topics, whose messages are read one by one: one file, or the several that it was split into."""
+"""A recording as topics whose messages are read one by one; one file, or several that it was split into."""
 
 from __future__ import annotations
 
@@ -42,12 +42,14 @@ from slam.data.recordings.rosbag1 import Rosbag1
 from slam.data.recordings.sqlite import Sqlite
 
 CONTAINERS: dict[str, Callable[[Path, Collection[str]], Container]] = {".bag": Rosbag1, ".db3": Sqlite, ".mcap": Mcap}
-PACKED = (".zstd", ".zst")  # of whole files, as rosbag2 may pack them
+PACKED = (".zstd", ".zst")  # suffixes of files that rosbag2 has compressed as a whole
 TRUTH_TYPES = (ODOMETRY, POSE, POSE_WITH_COVARIANCE, PATH)
 #: Use of all messages of a type.
 USES = {IMU: "IMU, not used", FIX: "GNSS, not used", TRANSFORMS: "mounting", OLD_TRANSFORMS: "mounting"}
-#: Of which every message can be read. All others are counted.
-READ = frozenset((*CLOUDS, *PACKETS, STRING, IMAGE, COMPRESSED, CAMERA_INFO, *TRUTH_TYPES, TRANSFORMS, OLD_TRANSFORMS))
+#: Types whose messages can be read one by one; messages of other types are only counted.
+READ = frozenset(
+    (*CLOUDS, *PACKETS, STRING, IMAGE, COMPRESSED, CAMERA_INFO, *TRUTH_TYPES, FIX, TRANSFORMS, OLD_TRANSFORMS)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,7 @@ class Topic:
 
     @property
     def rate(self) -> float:
-        """Messages a second; 0 where there is but one."""
+        """Messages per second; 0 for a single one."""
         return (self.count - 1) / (self.last - self.first) if self.count > 1 and self.last > self.first else 0.0
 
     def __str__(self) -> str:
@@ -82,11 +84,15 @@ class Topic:
 class Recording:
     """Messages by topic and number, in the order in which they were recorded.
 
-    Raises InputError where the files are no recording.
-
     Args:
         path: The file, or the folder of the files, for messages.
-        files: The files that it was split into, in their order.
+        files: The files that the recording was split into, in their order.
+
+    Attributes:
+        problems: Damaged files.
+
+    Raises:
+        InputError: None of the files is a recording.
     """
 
     def __init__(self, path: Path, files: Sequence[Path]) -> None:
@@ -105,7 +111,7 @@ class Recording:
 
     @cached_property
     def topics(self) -> dict[str, Topic]:
-        """By name, in the order of names. Where a name has messages of two types, the type of the most is named."""
+        """The topics by name, sorted. Of a name with messages of two types, the type with more messages counts."""
         found: dict[str, list[tuple[Channel, Series]]] = {}
         for file in self._files:
             for number, channel in file.channels.items():
@@ -115,15 +121,27 @@ class Recording:
         return {name: _summed(name, found[name]) for name in sorted(found)}
 
     def of_type(self, *types: str) -> list[Topic]:
-        """The topics whose messages are of one of these."""
+        """Return the topics whose messages are of one of these types."""
         return [topic for topic in self.topics.values() if topic.type in types]
 
     def times(self, topic: str) -> Array:
-        """(N,) int64: when each of its messages was recorded [ns]."""
+        """Return when each of a topic's N messages was recorded, (N,) int64 [ns]."""
         return self._places(topic)[:, 0]
 
     def read(self, topic: str, number: int, most: int | None = None) -> tuple[bytes, str]:
-        """The bytes of a message, or the first of them, and their encoding. Raises UnreadableError on damage."""
+        """Read the bytes of a message.
+
+        Args:
+            topic: Name of the topic.
+            number: Number of the message in it.
+            most: Number of bytes at its beginning that suffice, None for all.
+
+        Returns:
+            The bytes, and their encoding, `ROS1` or `CDR`.
+
+        Raises:
+            UnreadableError: The message is damaged.
+        """
         _, file, block, offset, channel = self._places(topic)[number]
         container = self._files[file]
         try:
@@ -132,12 +150,16 @@ class Recording:
             raise UnreadableError(str(error.strerror or error)) from error
 
     def message(self, topic: str, number: int) -> Any:
-        """A message as an object. Raises UnreadableError on damage."""
+        """Read a message as an object.
+
+        Raises:
+            UnreadableError: The message is damaged.
+        """
         content, encoding = self.read(topic, number)
         return read_message(content, self.topics[topic].type, encoding)
 
     def header(self, topic: str, number: int) -> Header | None:
-        """Of a message whose type begins with one; None where it cannot be read."""
+        """Read the header of a message whose type has one; None if it is damaged."""
         try:
             content, encoding = self.read(topic, number, HEAD)
             return header_of(content, encoding)
@@ -145,7 +167,7 @@ class Recording:
             return None
 
     def messages(self, topic: str) -> Iterator[Any]:
-        """All that can be read, one after the other."""
+        """Iterate over the messages that can be read."""
         for number in range(len(self._places(topic))):
             try:
                 yield self.message(topic, number)
@@ -153,7 +175,7 @@ class Recording:
                 continue
 
     def _places(self, topic: str) -> Array:
-        """(N, 5) int64: time [ns], file, block, offset, channel."""
+        """The index of a topic, (N, 5) int64: time [ns], file, block, offset, channel."""
         if topic not in self._tables:
             self._tables[topic] = self._table(topic)
         return self._tables[topic]
@@ -196,13 +218,16 @@ def _opened(path: Path) -> Container:
 
 
 def recordings_at(path: Path) -> dict[str, list[Path]]:
-    """The recordings at a path by their names, each with its files.
+    """Find the recordings at a path.
 
-    A file is one, {"": [path]}, and so is a folder with one file, or with those that rosbag2 has split one into
-    (drive_0.mcap, drive_1.mcap). In any other folder each file is one, by its name. Empty where there is none.
+    A file is one, and so is a folder with one file, or with the files that rosbag2 has split one into (drive_0.mcap,
+    drive_1.mcap). In any other folder, each file is one.
+
+    Returns:
+        The files of each recording by its name, '' for the only one.
 
     Raises:
-        InputError: A file is packed as a whole.
+        InputError: A file is compressed as a whole.
     """
     if path.is_file():
         return {"": [path]} if path.suffix.lower() in CONTAINERS or _packed(path) else {}
@@ -219,13 +244,13 @@ def recordings_at(path: Path) -> dict[str, list[Path]]:
 
 
 def _packed(path: Path) -> bool:
-    """Raises InputError where a file of a recording is packed as a whole."""
+    """Raises InputError if a file of a recording is compressed as a whole."""
     if path.suffix.lower() in PACKED and Path(path.stem).suffix.lower() in CONTAINERS:
         raise InputError(f"{path}: packed as a whole; unpack it first: zstd -d {path.name}")
     return False
 
 
 def _part(file: Path) -> tuple[str, int]:
-    """The name of the recording that a file of rosbag2 is a part of, and its number in it."""
+    """The name of the recording that a file of rosbag2 belongs to, and the file's number in it."""
     name, underscore, number = file.stem.rpartition("_")
     return (name, int(number)) if underscore and number.isdigit() else (file.stem, -1)

@@ -1,4 +1,4 @@
-"""ROS 1 bags, format 2.0 (wiki.ros.org/Bags/Format/2.0), also where their end is missing."""
+"""ROS 1 bags, format 2.0 (wiki.ros.org/Bags/Format/2.0), also without their end."""
 
 from __future__ import annotations
 
@@ -22,11 +22,14 @@ Header = dict[str, bytes]
 
 
 class Rosbag1(Chunked):
-    """A .bag. Raises UnreadableError where it is none.
+    """A .bag file. See `Container`.
 
     Args:
         path: The file.
-        wanted: The types of messages whose places are kept.
+        wanted: Types of the messages whose places are kept.
+
+    Raises:
+        UnreadableError: It is no ROS 1 bag.
     """
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
@@ -40,7 +43,7 @@ class Rosbag1(Chunked):
         """See `Container`."""
         head = self.window(block, offset, HEAD)
         header, start, size = _record(head)
-        while _op(header) == CONNECTION:  # as some writers' places have it: of what comes before the message
+        while _op(header) == CONNECTION:  # some writers give the place of the connection before the message
             offset += start + size
             head = self.window(block, offset, HEAD)
             header, start, size = _record(head)
@@ -84,7 +87,7 @@ class Rosbag1(Chunked):
         self._finish(places if whole else [])
 
     def _read_connections(self, file: BinaryIO, size: int) -> None:
-        """From the end of the bag, where the first record says it is."""
+        """Read the connections at the end of the bag, whose place is in the first record."""
         try:
             header, length = _header(file)
             index = number(header["index_pos"], "<Q")
@@ -104,7 +107,7 @@ class Rosbag1(Chunked):
         self.channels[number(header["conn"], "<I")] = Channel(topic, f"{package}/msg/{name}", ROS1)
 
     def _finish(self, places: list[tuple[int, Array]]) -> None:
-        """The messages of the last chunk: by what follows it, or else by looking through it."""
+        """Add the messages of the last chunk, by the index that follows it, else from the chunk itself."""
         if not self.blocks:
             return
         last = len(self.blocks) - 1
@@ -120,7 +123,7 @@ class Rosbag1(Chunked):
                 self._series(connection).add(times, last, found["offset"].astype(np.int64))
 
     def _look_through(self, content: bytes) -> list[tuple[int, Array]]:
-        """The whole messages in a chunk; connections in it are noted."""
+        """Index the whole messages in a chunk, and note the connections in it."""
         places: dict[int, list[tuple[int, int, int]]] = {}
         file = BytesIO(content)
         for at, header, data in _records(file):
@@ -147,13 +150,13 @@ def _with_data(file: BinaryIO) -> tuple[Header, bytes]:
 
 
 def _header(file: BinaryIO) -> tuple[Header, int]:
-    """The header of the next record, and how many bytes of data follow."""
+    """Read the header of the next record, and the number of bytes of data that follow."""
     header = _fields(exactly(file, number(exactly(file, 4), "<I")))
     return header, number(exactly(file, 4), "<I")
 
 
 def _record(content: bytes) -> tuple[Header, int, int]:
-    """The header of the record that bytes begin with, where its data begin and how many they are."""
+    """Read the header of the record that bytes begin with, the place of its data and their number."""
     length = number(content, "<I")
     if length > len(content) - 8:
         file = BytesIO(content)

@@ -1,4 +1,4 @@
-"""ROS 2 recordings in SQLite files, .db3, also where their end is missing."""
+"""ROS 2 recordings in SQLite files, .db3, also without their end."""
 
 from __future__ import annotations
 
@@ -19,11 +19,14 @@ HEAD = 100  # bytes of the file's header
 
 
 class Sqlite:
-    """A .db3. Raises UnreadableError where it is none.
+    """A .db3 file. See `Container`.
 
     Args:
         path: The file.
-        wanted: The types of messages whose places are kept.
+        wanted: Types of the messages whose places are kept.
+
+    Raises:
+        UnreadableError: It is no recording of ROS 2 in SQLite.
     """
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
@@ -39,7 +42,7 @@ class Sqlite:
         page = number(head, ">H", 16)
         if size < pages * (65536 if page == 1 else page):
             self.fault = f"cut off after {size} bytes: its end is missing"
-        # A recorder that was stopped leaves its last messages in a file beside, which an immutable one would not see.
+        # A stopped recorder leaves its last messages in a file beside, which is ignored in the mode immutable=1.
         beside = path.with_name(path.name + "-wal")
         self._modes = (*(("mode=ro",) if beside.exists() else ()), "immutable=1")
         with self._opened() as database:
@@ -53,7 +56,7 @@ class Sqlite:
                 self.fault = self.fault or f"damaged ({error})"
 
     def _read_places(self, database: sqlite3.Connection) -> None:
-        """In the order of the file: an index of times may be damaged where the messages are not."""
+        """Read the index in the order of the file: the database's own index of times may be damaged."""
         rows = database.execute("SELECT topic_id, timestamp, id FROM messages NOT INDEXED ORDER BY id")
         some: list[tuple[int, int, int]] = []
         try:
@@ -84,7 +87,7 @@ class Sqlite:
 
     @contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:
-        """The file, opened anew each time: a connection must not be used by several threads at once."""
+        """Open the file, each time again: a connection must not be used by several threads at once."""
         fault: sqlite3.Error | None = None
         for mode in self._modes:
             try:

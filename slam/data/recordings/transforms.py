@@ -1,4 +1,4 @@
-"""How the frames of a recording are mounted to each other: what /tf_static says, and what does not move in /tf."""
+"""Mounting of a recording's frames: the transforms of /tf_static, and those of /tf that never change."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slam.data.cloud import Array
 
 
 def pose_of(position: Any, orientation: Any) -> Array:
-    """(4, 4) of a Point or Vector3 and a Quaternion of ROS; NaN where the quaternion is none."""
+    """Convert a Point or Vector3 and a Quaternion of ROS to a pose (4, 4); NaN for a quaternion of length 0."""
     quaternion = np.array([orientation.x, orientation.y, orientation.z, orientation.w])
     if not np.isfinite(quaternion).all() or np.linalg.norm(quaternion) < 1e-6:
         return np.full((4, 4), np.nan)
@@ -32,7 +32,12 @@ class Mounting:
         self._moving: set[tuple[str, str]] = set()
 
     def add(self, transforms: Iterable[Any], fixed: bool) -> None:
-        """What a TFMessage says. Of those that are not `fixed` the ones that never change are taken, too."""
+        """Add the transforms of a TFMessage.
+
+        Args:
+            transforms: TransformStamped messages.
+            fixed: Whether they are static; of others, those that never change are used.
+        """
         for each in transforms:
             edge = each.header.frame_id.lstrip("/"), each.child_frame_id.lstrip("/")
             T = pose_of(each.transform.translation, each.transform.rotation)
@@ -44,11 +49,11 @@ class Mounting:
 
     @property
     def frames(self) -> set[str]:
-        """All that are known."""
+        """The names of all frames."""
         return {frame for edge in self._edges for frame in edge}
 
     def between(self, a: str, b: str) -> Array | None:
-        """T_a_b (4, 4), None where the two are not fixed to each other."""
+        """Return T_a_b (4, 4), None if the two frames are not fixed to each other."""
         neighbours: dict[str, list[tuple[str, Array]]] = {}
         for (parent, child), T in self._edges.items():
             if (parent, child) not in self._moving:

@@ -1,4 +1,4 @@
-"""Recordings written: a ROS 1 bag, or one of ROS 2 in SQLite or MCAP, message by message."""
+"""Writing of recordings: ROS 1 bags, and ROS 2 recordings in SQLite or MCAP, message by message."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slam.data.errors import InputError
 from slam.data.recordings.clouds import KINDS, LIVOX_POINT
 from slam.data.recordings.messages import TRANSFORMS, type_store
 
-#: The suffix of each form.
+#: Forms of recordings, and the suffix of each.
 FORMS = {"bag": ".bag", "ros2": ".db3", "mcap": ".mcap"}
 POINT_FIELDS = {kind: number for number, kind in KINDS.items()}
 LIVOX = "livox_ros_driver2/msg/CustomMsg"
@@ -30,14 +30,23 @@ LIVOX_DEFINITIONS = {
 
 
 class RecordingWriter:
-    """Writes messages of rosbags' types; `types` is its store of them, by which messages are made, too."""
+    """Writer of messages of rosbags' types.
+
+    Args:
+        writer: A writer of rosbags.
+        types: Its store of message types.
+        ros1: Whether the messages are of ROS 1.
+
+    Attributes:
+        types: The store of message types.
+    """
 
     def __init__(self, writer: Any, types: Any, ros1: bool) -> None:
         self._writer, self.types, self._ros1 = writer, types, ros1
         self._connections: dict[str, Any] = {}
 
     def write(self, topic: str, nanoseconds: int, message: Any) -> None:
-        """A message as recorded at that time; all of a topic are of one type."""
+        """Write a message as recorded at a time [ns]; all messages of a topic have one type."""
         kind = message.__msgtype__
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self.types)
@@ -45,41 +54,41 @@ class RecordingWriter:
         self._writer.write(self._connections[topic], nanoseconds, serialize(message, kind))
 
     def make(self, kind: str, **fields: Any) -> Any:
-        """A message of a type; fields that ROS 2 has in lower case may be so in both."""
+        """Make a message of a type; names of fields are in lower case, as ROS 2 has them."""
         made = self.types.types[kind]
         names = {name.lower() if name.isupper() else name: name for name in made.__dataclass_fields__}
         return made(**{names[name]: value for name, value in fields.items()})
 
     def time(self, nanoseconds: int) -> Any:
-        """A stamp."""
+        """Make a stamp."""
         return self.make("builtin_interfaces/msg/Time", sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
     def header(self, nanoseconds: int, frame: str) -> Any:
-        """The header that most messages begin with."""
+        """Make the header that most messages begin with."""
         sequence = {"seq": 0} if self._ros1 else {}
         return self.make("std_msgs/msg/Header", **sequence, stamp=self.time(nanoseconds), frame_id=frame)
 
     def vector(self, kind: str, xyz: Sequence[float] | Array) -> Any:
-        """A `kind` of geometry_msgs with x, y and z."""
+        """Make a message of geometry_msgs with x, y and z: a Point, a Vector3."""
         x, y, z = map(float, xyz)
         return self.make(f"geometry_msgs/msg/{kind}", x=x, y=y, z=z)
 
     def quaternion(self, rotation: Array) -> Any:
-        """Of a rotation (3, 3)."""
+        """Make a Quaternion of a rotation (3, 3)."""
         x, y, z, w = Rotation.from_matrix(rotation).as_quat(canonical=True).tolist()
         return self.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
 
     def pose(self, T: Array) -> Any:
-        """Of a pose (4, 4)."""
+        """Make a Pose of a pose (4, 4)."""
         position = self.vector("Point", T[:3, 3])
         return self.make("geometry_msgs/msg/Pose", position=position, orientation=self.quaternion(T[:3, :3]))
 
     def stamped_pose(self, nanoseconds: int, frame: str, T: Array) -> Any:
-        """PoseStamped of a pose (4, 4)."""
+        """Make a PoseStamped of a pose (4, 4)."""
         return self.make("geometry_msgs/msg/PoseStamped", header=self.header(nanoseconds, frame), pose=self.pose(T))
 
     def odometry(self, nanoseconds: int, frame: str, child: str, T: Array) -> Any:
-        """Odometry of a pose (4, 4), its covariances and velocities 0, which means unknown."""
+        """Make an Odometry of a pose (4, 4); covariances and velocities are 0, which means unknown."""
         none = np.zeros(36)
         zero = self.vector("Vector3", (0, 0, 0))
         twist = self.make("geometry_msgs/msg/Twist", linear=zero, angular=zero)
@@ -92,7 +101,7 @@ class RecordingWriter:
         )
 
     def transform(self, nanoseconds: int, parent: str, child: str, T: Array) -> Any:
-        """T_parent_child (4, 4) as TransformStamped."""
+        """Make a TransformStamped of T_parent_child (4, 4)."""
         return self.make(
             "geometry_msgs/msg/TransformStamped",
             header=self.header(nanoseconds, parent),
@@ -105,12 +114,12 @@ class RecordingWriter:
         )
 
     def transforms(self, found: Mapping[tuple[str, str], Array]) -> Any:
-        """TFMessage of T_parent_child (4, 4) by parent and child, at time 0."""
+        """Make a TFMessage of T_parent_child (4, 4) by parent and child, at time 0."""
         listed = [self.transform(0, parent, child, T) for (parent, child), T in found.items()]
         return self.make(TRANSFORMS, transforms=listed)
 
     def cloud(self, nanoseconds: int, frame: str, points: Array, dense: bool = True) -> Any:
-        """PointCloud2 of a structured array, (N,) or organised (H, W)."""
+        """Make a PointCloud2 of a structured array, (N,) or organised (H, W)."""
         table = np.atleast_2d(points)
         kind, step = table.dtype, table.dtype.itemsize
         fields = [
@@ -137,7 +146,7 @@ class RecordingWriter:
         )
 
     def livox(self, nanoseconds: int, frame: str, points: Array) -> Any:
-        """CustomMsg of Livox' driver of points (N,) with the fields of `LIVOX_POINT`."""
+        """Make a CustomMsg of Livox' driver of points (N,) with the fields of `LIVOX_POINT`."""
         make = self.types.types["livox_ros_driver2/msg/CustomPoint"]
         names = [name for name, _ in LIVOX_POINT]
         return self.make(
@@ -153,9 +162,16 @@ class RecordingWriter:
 
 @contextmanager
 def recording_writer(path: Path, form: str) -> Iterator[RecordingWriter]:
-    """Write a recording under a name without suffix: name.bag; name.db3 or name.mcap and the metadata.yaml of ROS 2.
+    """Write a recording: name.bag; name.db3 or name.mcap, and the metadata.yaml of ROS 2.
 
-    What is there of that name is replaced when all has gone well, and stays where it has not.
+    Files of that name are replaced after the last message; after an error they are unchanged.
+
+    Args:
+        path: The file without suffix.
+        form: One of `FORMS`.
+
+    Yields:
+        The writer of its messages.
 
     Raises:
         InputError: The folder cannot be written.

@@ -97,3 +97,38 @@ def test_what_is_not_there_is_one_line(
     lidarlift: Command, recording: Path, options: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
     lidarlift("run", recording, *options).refused(*words)
+
+
+def test_gnss_is_a_ground_truth_of_positions(
+    lidarlift: Command, tmp_path: Path, street_poses: Array, street_scans: list[Array]
+) -> None:
+    """Rotation, RPE and drift are not compared, and that is said; the world of the fixes is turned."""
+    with recording_writer(tmp_path / "street", "mcap") as writer:
+        for number, (pose, scan) in enumerate(zip(street_poses, street_scans, strict=True)):
+            time = 5 * 10**9 + number * 10**8
+            points = np.ascontiguousarray(scan, np.float32).view(FIELDS)[:, 0]
+            writer.write("/points", time, writer.cloud(time, "lidar", points))
+            fix = writer.make(
+                "sensor_msgs/msg/NavSatFix",
+                header=writer.header(time, "gps"),
+                status=writer.make("sensor_msgs/msg/NavSatStatus", status=0, service=1),
+                latitude=float(np.rad2deg(pose[0, 3] / 6335439.0)),  # the radius of the meridian at the equator
+                longitude=float(np.rad2deg(-pose[1, 3] / 6378137.0)),
+                altitude=float(pose[2, 3]),
+                position_covariance=np.zeros(9),
+                position_covariance_type=0,
+            )
+            writer.write("/fix", time, fix)
+    done = lidarlift("run", tmp_path / "street.mcap", "--sensor", "hdl64", "--out", "r")
+    assert done.code == 0, done.err
+    assert "topics: points /points, truth /fix" in done.out
+    assert "positions only" in done.out
+    metrics = json.loads(Path("r/metrics.json").read_text())["slam"]
+    assert metrics["ate"]["aligned"]["rmse"] < 0.1
+    assert metrics["ate"]["origin"]["rmse"] is metrics["rpe"]["frame_rotation"]["rmse"] is None
+    assert metrics["drift"]["translation_percent"] is None
+    assert any("rotation is not compared" in text for text in read_report(Path("r"))["problems"])
+    assert "positions only (rotation is not compared)" in " ".join(
+        lidarlift("info", tmp_path / "street.mcap").out.split()
+    )
+    assert lidarlift("compare", "r", "KISS=r/odometry_tum.txt", "--out", "c").code == 0

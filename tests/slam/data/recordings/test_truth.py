@@ -11,6 +11,7 @@ import pytest
 
 from slam.data import se3
 from slam.data.dataset import open_dataset
+from slam.data.recordings.recording import Recording
 from slam.data.recordings.writer import RecordingWriter
 from tests.slam.data.recordings.conftest import Event, clouds, mounting, nanoseconds
 
@@ -94,7 +95,7 @@ def test_over_a_hole_nothing_is_interpolated(record: Record) -> None:
 def test_one_pose_is_no_truth(record: Record) -> None:
     data = opened(record, *odometry("/ground_truth", [0.5]))
     assert data.ground_truth is None
-    assert "fewer than two poses" in data.problems[0].message
+    assert "at least two are needed" in data.problems[0].message
 
 
 def test_quaternions_of_zero_are_unknown_poses(record: Record) -> None:
@@ -105,3 +106,77 @@ def test_quaternions_of_zero_are_unknown_poses(record: Record) -> None:
 
     data = opened(record, *odometry("/gt", TIMES), (0.51, zero))
     np.testing.assert_allclose(data.ground_truth, WANTED, atol=1e-4)
+
+
+def fixes(times: Sequence[float], lost: Sequence[float] = ()) -> list[Event]:
+    """Places of the LiDAR, its world's x axis to the north."""
+
+    def event(at: float) -> Event:
+        def write(writer: RecordingWriter, recorded: int) -> None:
+            x, y, z = pose(at)[:3, 3]
+            status = writer.make("sensor_msgs/msg/NavSatStatus", status=-1 if at in lost else 0, service=1)
+            message = writer.make(
+                "sensor_msgs/msg/NavSatFix",
+                header=writer.header(nanoseconds(at), "gps"),
+                status=status,
+                latitude=float(49 + np.rad2deg(x / 6366000.0)) if at not in lost else 0.0,
+                longitude=float(8 - np.rad2deg(y / 6388800.0) / np.cos(np.deg2rad(49))),
+                altitude=float(120 + z),
+                position_covariance=np.diag([0.25, 0.25, 1.0]).ravel(),
+                position_covariance_type=2,
+            )
+            writer.write("/gps/fix", recorded, message)
+
+        return at, write
+
+    return [event(at) for at in times]
+
+
+NORTH = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
+POSITIONS = np.array([pose(0.1 * number + 0.1)[:3, 3] - pose(0.1)[:3, 3] for number in range(10)]) @ NORTH.T
+
+
+@pytest.mark.parametrize("form", ["bag", "mcap"])
+def test_positions_by_gnss_are_a_ground_truth_without_rotations(record: Record, form: str) -> None:
+    data = opened(record, *fixes(np.arange(0, 1.3, 0.1).tolist()), *odometry("/odom", TIMES), form=form)
+    assert (data.ground_truth, data.topics["truth"]) == (None, "/gps/fix")
+    np.testing.assert_allclose(data.true_positions, POSITIONS, atol=0.01)
+    assert [problem.kind for problem in data.problems] == ["positions as ground truth"]
+    for word in ("/gps/fix: the ground truth has positions only", "rotation is not compared", "receiver 0.5 m"):
+        assert word in data.problems[0].message
+
+
+def test_poses_come_before_gnss_unless_the_topic_is_named(record: Record) -> None:
+    events = [*fixes(np.arange(0, 1.3, 0.1).tolist()), *odometry("/gt", TIMES)]
+    data = opened(record, *events)
+    assert (data.topics["truth"], data.true_positions, data.problems) == ("/gt", None, ())
+    named = opened(record, *events, truth_topic="/gps/fix")
+    assert (named.topics["truth"], named.ground_truth) == ("/gps/fix", None)
+    assert named.true_positions is not None
+
+
+def test_where_gnss_is_lost_there_is_no_position(record: Record) -> None:
+    times = np.arange(0, 1.3, 0.1).tolist()
+    data = opened(record, *fixes(times, lost=times[3:9]), *mounting({("velodyne", "gps"): se3.exp(np.eye(6)[4])}))
+    assert np.isfinite(data.true_positions[:, 0]).tolist() == [True] * 2 + [False] * 6 + [True] * 2
+    assert [problem.kind for problem in data.problems] == ["hole in ground truth", "positions as ground truth"]
+    assert "the antenna is 1.00 m from the LiDAR, which is not corrected" in data.problems[1].message
+    none = opened(record, *fixes(times, lost=times))
+    assert (none.ground_truth, none.true_positions) == (None, None)
+    assert [problem.kind for problem in none.problems] == ["no ground truth"]
+
+
+def test_only_poses_around_the_part_that_is_used_are_read(record: Record, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[int] = []
+    message = Recording.message
+
+    def noted(self: Recording, topic: str, number: int) -> Any:
+        read.append(number)
+        return message(self, topic, number)
+
+    early = odometry("/gt", np.arange(-100, -31, 0.5).tolist())
+    path = record([*clouds(), *early, *odometry("/gt", TIMES)])
+    monkeypatch.setattr(Recording, "message", noted)
+    data: Any = open_dataset(path, start=100.0)
+    np.testing.assert_allclose(data.ground_truth, WANTED, atol=1e-4)
+    assert min(read) == len(early)

@@ -1,16 +1,15 @@
-"""Speed and memory of reading scans from recordings, compared with rosbags' own reader.
+"""Speed of reading scans from recordings, compared with rosbags' own reader.
 
-    python -m benchmarks.recordings.reading --scans 400
+    python -m benchmarks.recordings.read_recordings --scans 400
 
 Writes a ROS 1 bag, a SQLite file and an MCAP of the same scans, and reads each in turn: rosbags as it hands over
 messages as bytes, and as PointCloud2; ours as clouds, which have rings, times and intensities in our units. Each
-measurement is a process of its own. Writes recordings.md and .json in benchmarks/results.
+measurement is a process of its own. Writes read_recordings.md and .json in benchmarks/results.
 """
 
 from __future__ import annotations
 
 import multiprocessing
-import resource
 import statistics
 import sys
 import tempfile
@@ -38,25 +37,18 @@ def main() -> None:
     arguments.add_argument("--rounds", type=int, default=3, metavar="N", help="of all measurements (default: 3)")
     add_results(arguments)
     options = arguments.parse_args()
-    sizes = (options.scans // 4, options.scans)
-    found: dict[str, Any] = {form: {way: [] for way in WAYS} | {"memory_mb": {}, "size_mb": {}} for form in FORMS}
+    found: dict[str, Any] = {form: {way: [] for way in WAYS} for form in FORMS}
     with tempfile.TemporaryDirectory() as folder:
         for form in FORMS:
-            for scans in sizes:
-                write(Path(folder) / str(scans) / form, form, scans)
+            write(Path(folder) / form, form, options.scans)
         for _ in range(options.rounds):
             for form, suffix in FORMS.items():
                 for way in WAYS:
-                    turn = measured(way, Path(folder) / str(options.scans) / f"{form}{suffix}", options.scans)
+                    turn = measured(way, Path(folder) / f"{form}{suffix}", options.scans)
                     print(form, way, turn, file=sys.stderr)
                     found[form][way].append(turn)
-        for form, suffix in FORMS.items():
-            for scans in sizes:
-                path = Path(folder) / str(scans) / f"{form}{suffix}"
-                found[form]["size_mb"][str(scans)] = round(path.stat().st_size / 1e6)
-                found[form]["memory_mb"][str(scans)] = measured("lidarlift, clouds", path, scans)["memory_mb"]
     about = surroundings(("numpy", "rosbags")) | {"scans": options.scans, "points": POINTS}
-    write_results(options.results, "recordings", {"about": about, "forms": found}, page)
+    write_results(options.results, "read_recordings", {"about": about, "forms": found}, page)
 
 
 def write(path: Path, form: str, scans: int) -> None:
@@ -74,7 +66,7 @@ def write(path: Path, form: str, scans: int) -> None:
 
 
 def measured(way: str, path: Path, scans: int) -> dict[str, float]:
-    """Seconds until the first scan, scans a second after that, and the peak of memory [MB], in a new process."""
+    """Seconds until the first scan, and scans a second after that, in a new process."""
     context = multiprocessing.get_context("spawn")
     with context.Pool(1) as pool:
         return pool.apply(_measured, (way, path, scans))
@@ -85,8 +77,7 @@ def _measured(way: str, path: Path, scans: int) -> dict[str, float]:
     ticks = [time.perf_counter()]
     READERS[way](path, scans, lambda: ticks.append(time.perf_counter()))
     rate = (len(ticks) - 2) / (ticks[-1] - ticks[1])
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
-    return {"open_s": round(ticks[1] - ticks[0], 4), "rate": round(rate, 1), "memory_mb": round(peak)}
+    return {"open_s": round(ticks[1] - ticks[0], 4), "rate": round(rate, 1)}
 
 
 def _rosbags(path: Path, scans: int, on_scan: Callable[[], None], read: bool) -> None:
@@ -109,7 +100,7 @@ def _rosbags(path: Path, scans: int, on_scan: Callable[[], None], read: bool) ->
 def _clouds(path: Path, scans: int, on_scan: Callable[[], None], last: int | None = None) -> None:
     from slam.data.recordings.dataset import RecordedSequence
 
-    data = RecordedSequence(path, start=None if last is None else PERIOD * (int(path.parent.name) - last - 0.5))
+    data = RecordedSequence(path, start=None if last is None else PERIOD * (scans - last - 0.5))
     for number in range(min(len(data), scans)):
         len(data[number].cloud)
         on_scan()
@@ -131,11 +122,6 @@ def page(found: Mapping[str, Any]) -> str:
         for way in WAYS:
             opened, rate = (statistics.median(turn[key] for turn in figures[way]) for key in ("open_s", "rate"))
             rows.append((form, way, f"{1000 * opened:.0f}", f"{rate:.0f}"))
-    memory = [
-        (form, *(f"{figures[kind][scans]}" for scans in figures["size_mb"] for kind in ("size_mb", "memory_mb")))
-        for form, figures in found["forms"].items()
-    ]
-    few, many = next(iter(found["forms"].values()))["size_mb"]
     return f"""
 # Reading recordings
 
@@ -148,10 +134,6 @@ intensities, rings and times in its units. Medians of {len(next(iter(found["form
 time until the first scan includes opening, and lidarlift looks at the first scans for what their columns mean.
 
 {table(("form", "reading", "until the first scan [ms]", "scans a second after it"), rows, words=2)}
-
-Peak memory of a process that reads all clouds:
-
-{table(("form", f"{few} scans [MB]", "memory [MB]", f"{many} scans [MB]", "memory [MB]"), memory)}
 """
 
 
