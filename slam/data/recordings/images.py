@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from slam.data.cloud import Array
-from slam.data.images import TAIL, UNKNOWN, ReportingReader, fault_of
+from slam.data.image_damage import TAIL, UNKNOWN, fault_of
+from slam.data.images import ReportingReader
 from slam.data.point_blocks import UnreadableError
 from slam.data.problem import Problem
 from slam.data.recordings.messages import COMPRESSED, IMAGE, read_message
