@@ -8,7 +8,7 @@ import numpy as np
 
 from slam.data.cloud import Array, Frame, History, PointCloud
 from slam.data.ring_patterns import KEPT, drop_rings, kept_lines
-from slam.data.scan_columns import usual_rings
+from slam.data.scan_rings import usual_rings
 from slam.data.sensor import Sensor
 from slam.settings import FrontEndSettings
 
