@@ -24,7 +24,7 @@ PLAIN := NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= NUMBA_CACHE_DIR="$(CURDIR)/.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test portable lint docs wheel benchmark peers clean
+.PHONY: help setup demo test portable lint docs wheel benchmark results peers clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -56,6 +56,9 @@ wheel: $(DEV) ## build the wheel into dist, and try it in an environment of its 
 benchmark: $(BENCHMARKS) ## measure in comparison with the peers: make benchmark DATASETS="SEQUENCE [SEQUENCE ...]"
 	@test -n "$(DATASETS)" || { echo 'Which sequences? make benchmark DATASETS="path/to/sequence ..."' >&2; exit 2; }
 	@$(BIN)/python -m benchmarks.odometry.frame_rate $(DATASETS)
+
+results: $(BENCHMARKS) ## make all tables and pictures again, on what data is there (ARGS="--list", "--data FOLDER TOPIC")
+	@$(BIN)/python -m benchmarks.regenerate $(ARGS)
 
 peers: $(BENCHMARKS) $(OWN) ## install the systems that we compare with: into .venv, or .peers if their versions conflict
 

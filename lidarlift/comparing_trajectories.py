@@ -50,7 +50,8 @@ def compare_trajectories(
         InputError: A trajectory cannot be read, trajectories cannot be associated, their body frames differ, runs are
             of different sequences, or `out` cannot be written.
     """
-    return compared(trajectories, None if out is None else Path(out), reference, sequence, truth_topic, calib)[0]
+    about = (reference, sequence, truth_topic, calib)
+    return compared(trajectories, None if out is None else Path(out), *about)[0]
 
 
 def compared(

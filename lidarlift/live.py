@@ -17,7 +17,7 @@ from slam.data.errors import InputError
 from slam.data.point_files import points_of
 from slam.data.scan_columns import Columns, find_columns
 from slam.data.sensor import load_sensor
-from slam.run import FrameRecord, Run, Source
+from slam.run import FrameRecord, Observer, Run, Source
 from slam.settings import Config
 
 NAME, EMPTY = "live", PointCloud(np.zeros((0, 3)), np.zeros(0))
@@ -43,6 +43,7 @@ class Slam:
         config: A preset's name, a YAML file, or the result of `load_config`.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
         sweeps_per_second: Rotation rate of the LiDAR [Hz].
+        observer: Watches the run frame by frame, see `slam.run.Observer`.
 
     Raises:
         InputError: The sensor does not have the rings for this input, or a setting is invalid.
@@ -66,6 +67,7 @@ class Slam:
         config: Config | str | Path | None = None,
         overrides: Sequence[str] = (),
         sweeps_per_second: float = 10.0,
+        observer: Observer | None = None,
     ) -> None:
         if not sweeps_per_second > 0:
             raise InputError(
@@ -80,6 +82,7 @@ class Slam:
             front_end_for(settings.front_end, self._sensor, NAME),
             source=Source(NAME, sensor=self._sensor, calibration=calibration),
             sweep_duration=1 / sweeps_per_second,
+            observer=observer,
         )
         self._slam.result.remarks = front_end_notes(settings.front_end, self._sensor)
         self._period, self._columns = 1 / sweeps_per_second, UNKNOWN

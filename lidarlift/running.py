@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,13 +12,16 @@ from lidarlift.front_ends import front_end_maker, front_end_notes, input_name, o
 from lidarlift.kept_scan import KeptScan
 from lidarlift.reporting import Quiet, Reporter, note_problems
 from lidarlift.reports import report_run
+from lidarlift.watching.choice import Views, watched
 from slam.data.atomic import require_writable
 
 if TYPE_CHECKING:
     from eval.metrics import RunMetrics
     from slam.data.dataset import Dataset
-    from slam.run import Run
+    from slam.run import Observer, Run
     from slam.settings import Config
+
+NO_VIEWS = Views()
 
 
 def run(
@@ -35,6 +38,7 @@ def run(
     out: str | Path | None = None,
     strict: bool = False,
     reporter: Reporter | None = None,
+    observer: Observer | None = None,
 ) -> Run:
     """Run SLAM over a data set.
 
@@ -52,6 +56,7 @@ def run(
         out: The run folder, for trajectory, map and metrics. Default: nothing is written.
         strict: Raise an error at the first problem of the data.
         reporter: Receives progress and notes.
+        observer: Watches the run frame by frame, see `slam.run.Observer`.
 
     Returns:
         The poses T_world_lidar (N, 4, 4) before and after loop closure, the map, and the problems of the data.
@@ -71,7 +76,7 @@ def run(
     data = opened(dataset, sequence, sensor)
     settings = settings_for(ring_count(data), input, enricher, config, overrides)
     poses = None if odometry is None else Path(odometry)
-    task = _Task(data, settings, frames, poses, strict, reporter or Quiet())
+    task = _Task(data, settings, frames, poses, strict, reporter or Quiet(), observer=observer)
     if out is None:
         return task.run()
     result, _ = task.run_into(Path(out))
@@ -89,6 +94,7 @@ def run_into(
     odometry: Path | None = None,
     name: str | None = None,
     strict: bool = False,
+    views: Views = NO_VIEWS,
     report: bool = True,
     command: str | None = None,
 ) -> tuple[Run, RunMetrics | None]:
@@ -103,6 +109,7 @@ def run_into(
         odometry: A file with LiDAR poses of another odometry, in place of ours.
         name: Name in progress and plot. Default: that of the data set.
         strict: Raise an error at the first problem of the data.
+        views: Views in which the run can be watched.
         report: Write the report, too.
         command: The command line that makes the run again, for the report.
 
@@ -113,9 +120,12 @@ def run_into(
         InputError: As `run`.
     """
     task = _Task(data, settings, frames, odometry, strict, reporter, name)
-    result = task.run_into(folder)
-    if report:
-        report_run(folder, task.report_title, command)
+    if views.record is not None:
+        require_apart(views.record.parent, data)
+    with watched(views, task.title, task.total, reporter) as observer:
+        result = replace(task, observer=observer).run_into(folder)
+        if report:
+            report_run(folder, task.report_title, command)
     return result
 
 
@@ -130,6 +140,11 @@ class _Task:
     strict: bool
     reporter: Reporter
     name: str | None = None
+    observer: Observer | None = None
+
+    @property
+    def total(self) -> int:
+        return len(range(len(self.data))[self.frames])
 
     @property
     def title(self) -> str:
@@ -157,13 +172,14 @@ class _Task:
         compile_kernels(
             self.settings, lambda: self.reporter.note("compiling kernels, only at the first run: about 20 s ...")
         )
-        with self.reporter.progress(self.title, len(range(len(self.data))[self.frames])) as advance:
+        with self.reporter.progress(self.title, self.total) as advance:
             around = kept.around if kept else lambda front_end: front_end
             result = Pipeline(self.settings, lambda: around(make_front_end())).run(
                 self.data,
                 self.frames,
                 recorded=recorded,
                 strict=self.strict,
+                observer=self.observer,
                 on_frame=lambda _: advance(),
                 on_odometry=on_odometry,
                 on_stop=on_stop,

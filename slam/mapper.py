@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from types import TracebackType
@@ -56,6 +57,27 @@ class MappingResult:
         return corrected_poses(poses, self.keyframes.indices, self.keyframes.poses, self.poses) if self.loops else poses
 
 
+@dataclass(frozen=True, eq=False)
+class LoopProgress:
+    """The loops that are closed so far, before they are selected jointly at the end.
+
+    Attributes:
+        indices: (K,) positions in the run of the keyframes so far.
+        odometry: (K, 4, 4) their odometry poses T_world_keyframe.
+        optimised: (K, 4, 4) the poses with the loops.
+        loops: Positions in the run of the two frames of each loop, the earlier one first.
+    """
+
+    indices: Array
+    odometry: Array
+    optimised: Array
+    loops: tuple[tuple[int, int], ...]
+
+    def corrected(self, poses: Array) -> Array:
+        """Correct odometry poses (N, 4, 4) of frames 0, 1 .., as `corrected_poses`."""
+        return corrected_poses(poses, self.indices, self.odometry, self.optimised)
+
+
 @dataclass
 class Mapper:
     """Builds a `MappingResult` from registered scans.
@@ -65,10 +87,12 @@ class Mapper:
 
     Attributes:
         config: The settings.
+        on_loops: Called in the thread when loops are closed, with all loops so far.
         milliseconds: Run times by the stages `STAGES`.
     """
 
     config: Config
+    on_loops: Callable[[LoopProgress], None] | None = None
     milliseconds: dict[str, list[float]] = field(default_factory=lambda: {stage: [] for stage in STAGES})
 
     def __post_init__(self) -> None:
@@ -78,6 +102,7 @@ class Mapper:
         self._waiting: deque[Future[None]] = deque()
         self._travelled, self._last = 0.0, np.zeros(3)
         self._covariance = np.zeros((6, 6))  # sum of the registration covariances since the last keyframe
+        self._closed: list[tuple[int, int]] = []  # keyframes of the loops so far
         self._covariances: list[Array] = []  # the same sum of each keyframe since the one before
 
     def __enter__(self) -> Self:
@@ -157,6 +182,7 @@ class Mapper:
         if count > 1:
             self._back_end.add_odometry(*self._motion(count - 1))
         graph, loops, travelled = time.perf_counter() - begin, 0.0, self._keyframes.travelled
+        before = len(self._closed)
         while self.config.loops.enabled and len(self._search) < count:
             if travelled[len(self._search)] + radius > travelled[-1]:
                 break
@@ -167,11 +193,19 @@ class Mapper:
             for candidate, verification in found:
                 if verification.accepted:
                     self._back_end.add_loop(candidate, verification.covariance)
+                    self._closed.append((candidate.i, candidate.j))
                 else:
                     self._back_end.reject(candidate, verification.reason)
             graph += time.perf_counter() - begin
         self.milliseconds["loops"].append(1e3 * loops)
         self.milliseconds["back_end"].append(1e3 * graph)
+        if self.on_loops and len(self._closed) > before:
+            self.on_loops(self._progress())
+
+    def _progress(self) -> LoopProgress:
+        indices = self._keyframes.indices
+        loops = tuple((int(indices[i]), int(indices[j])) for i, j in self._closed)
+        return LoopProgress(indices, self._keyframes.poses, self._optimised(), loops)
 
     def _motion(self, number: int) -> tuple[Array, Array]:
         """Motion (4, 4) of a keyframe since the one before, and its covariance (6, 6): registration plus drift."""

@@ -25,7 +25,7 @@ from slam.mapper import Mapper
 from slam.mid_sweep import MidSweepOdometry
 from slam.odometry import Odometry, OdometryStep
 from slam.recorded_odometry import RecordedOdometry
-from slam.run import FrameRecord, Run, Source
+from slam.run import FrameRecord, Observer, Run, Source
 from slam.settings import Config, FrontEndSettings
 from slam.tracking import PoseSource, Tracker
 
@@ -49,6 +49,7 @@ class Slam:
         sweep_duration: Time [s] between successive scans, without missing scans.
         odometry: Source of the poses. Default: our odometry with the settings of `config`.
         strict: Raise an error at the first problem of a frame.
+        observer: Watches the run.
 
     Raises:
         InputError: `config` requires rings that the sensor does not have.
@@ -64,6 +65,7 @@ class Slam:
         sweep_duration: float = SWEEP,
         odometry: PoseSource | None = None,
         strict: bool = False,
+        observer: Observer | None = None,
     ) -> None:
         config, source = config or Config(), source or Source()
         if front_end is None and config.front_end.input == "enriched":
@@ -78,7 +80,10 @@ class Slam:
             or MidSweepOdometry(Odometry(config.odometry, sweep_duration=sweep_duration, vertical_correction=angle)),
             config.front_end.deskew,
         )
-        self._mapper = Mapper(config)
+        self._mapper = Mapper(config, observer.loops_closed if observer else None)
+        self._observer = observer
+        if observer:
+            observer.started(self.result)
         self._waiting: list[tuple[int, Frame, PointCloud]] = []  # with provisional poses; their positions
         self._images: list[ReportingReader] = []  # without a problem so far; reading them may find damage
         self._centres: list[Array] = []
@@ -138,6 +143,8 @@ class Slam:
         if not step.provisional:
             self._pass_to_mapper((*step.revised, step))
         laps["waiting"] = 1e3 * (time.perf_counter() - begin)
+        if self._observer:
+            self._observer.registered(frame, step.cloud, self.result.records[-1])
         return self.result.records[-1]
 
     def _pass_to_mapper(self, steps: tuple[OdometryStep, ...]) -> None:
@@ -163,6 +170,8 @@ class Slam:
             self._mapper.close()
             self._add_image_problems(self._images)
             self.result.problems.extend(world_frame_problem(np.array(self._centres), self.result.odometry_poses))
+            if self._observer:
+                self._observer.finished(self.result)
         return self.result
 
     def _add_image_problems(self, images: Sequence[ReportingReader]) -> None:
@@ -193,6 +202,7 @@ class Pipeline:
         *,
         recorded: RecordedOdometry | None = None,
         strict: bool = False,
+        observer: Observer | None = None,
         on_frame: Callable[[FrameRecord], None] | None = None,
         on_odometry: Callable[[Run], None] | None = None,
         on_stop: Callable[[Run], None] | None = None,
@@ -204,6 +214,7 @@ class Pipeline:
             frames: Positions in the data set, as in a list's slice.
             recorded: Poses of another odometry, in place of ours.
             strict: Raise an error at the first problem of the data.
+            observer: Watches the run.
             on_frame: Called after each frame.
             on_odometry: Called when all frames are registered. The selection of loops and the map follow, and may take
                 minutes.
@@ -221,7 +232,8 @@ class Pipeline:
         about: Any = {"sweep_duration": sweep, "vertical_correction": angle}
         odometry = recorded.steps(positions, **about) if recorded else None
         front_end = self.make_front_end() if self.make_front_end else None
-        slam = Slam(self.config, front_end, source=source, sweep_duration=sweep, odometry=odometry, strict=strict)
+        about = {"source": source, "sweep_duration": sweep, "odometry": odometry, "strict": strict}
+        slam = Slam(self.config, front_end, **about, observer=observer)
         problems = (*dataset.problems, *(recorded.problems if recorded else ()))
         _raise_if_strict(problems, strict)
         slam.result.problems.extend(problems)

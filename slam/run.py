@@ -6,20 +6,21 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from slam import degeneracy
 from slam.cell_sizes import Sizes
 from slam.data import se3
-from slam.data.cloud import Array, Calibration, PointCloud
+from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.ground_truth import UNSETTLED, GroundTruth, settled_truth
 from slam.data.point_times import PointTimes
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.uncertainty import frame_covariances
-from slam.mapper import MappingResult, drift_per_metre
+from slam.mapper import LoopProgress, MappingResult, drift_per_metre
 from slam.settings import Config
 
 #: Stages of a frame; "waiting" is the time that the odometry waits for the mapper, which has stages of its own.
@@ -52,6 +53,32 @@ class FrameRecord:
     points: int
     milliseconds: dict[str, float]
     unobserved: Array = field(default_factory=lambda: np.zeros((0, 6)))
+
+
+class Observer(Protocol):
+    """Watches a run, to show or record it. It changes nothing of what it is given, and returns soon."""
+
+    def started(self, run: Run) -> None:
+        """Take the run at its beginning; its records and problems grow."""
+        ...
+
+    def registered(self, frame: Frame, cloud: PointCloud, record: FrameRecord) -> None:
+        """Take a frame when its pose is known.
+
+        Args:
+            frame: The frame as recorded, with its images. Reading these through it may add problems to the run.
+            cloud: The cloud as registered: enriched, deskewed, in the sensor's frame.
+            record: Pose and status. The poses of the first frames may be revised later, in the run's records.
+        """
+        ...
+
+    def loops_closed(self, progress: LoopProgress) -> None:
+        """Take the poses after loops were closed; called in the mapper's thread."""
+        ...
+
+    def finished(self, run: Run) -> None:
+        """Take the complete run, with the selected loops and the map."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +181,14 @@ class Run:
     def ground_truth(self) -> Array | None:
         """True poses (N, 4, 4) T_world_lidar of the same frames, NaN where unknown, or None."""
         return self.source.ground_truth
+
+    def loops(self) -> list[tuple[int, int]]:
+        """Return the accepted loops, as the positions of their two frames in the run, the earlier one first."""
+        if self.mapping is None:
+            return []
+        indices = self.mapping.keyframes.indices
+        accepted = [record.candidate for record in self.mapping.ledger if record.status == "accepted"]
+        return [(int(indices[candidate.i]), int(indices[candidate.j])) for candidate in accepted]
 
     def settle_truth(self) -> None:
         """Hold the truth against the odometry, once that is there: see `settled_truth`."""

@@ -26,6 +26,7 @@ from lidarlift.cli.run import run
 from lidarlift.cli.simulate import simulate
 from lidarlift.cli.study import study
 from lidarlift.cli.train import train
+from lidarlift.cli.view import view
 from slam.data.errors import InputError
 
 INTERRUPTED = 130  # what shells expect after Ctrl-C, and typer exits with
@@ -42,8 +43,9 @@ app = typer.Typer(
     Without data: `lidarlift demo`
     """,
 )
-for command in (run, info, compare, enrich, evaluate, export, config, fit_lasers, simulate, demo, depth_benchmark):
+for command in (run, info, compare, view, enrich, evaluate, export, config, fit_lasers, simulate, demo):
     app.command()(command)
+app.command()(depth_benchmark)
 app.add_typer(train, name="train")
 app.add_typer(study, name="study")
 

@@ -21,6 +21,7 @@ from lidarlift.cli.console import Console, command_line
 from lidarlift.cli.data_options import DataOptions, with_data_options
 from lidarlift.front_ends import settings_for
 from lidarlift.running import run_into
+from lidarlift.watching.choice import Views
 
 
 @with_data_options
@@ -38,6 +39,17 @@ def run(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The run folder. Default: runs/NAME-INPUT.")] = None,
     strict: StrictOption = False,
+    live: Annotated[bool, typer.Option("--live", help="Show the run in rerun (extra `view`).")] = False,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Write the run for rerun, to be opened anywhere.")
+    ] = None,
+    serve: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[HOST:]PORT",
+            help="Show the progress in a browser, http://127.0.0.1:PORT: read-only, and only here without HOST.",
+        ),
+    ] = None,
 ) -> None:
     """Run SLAM over a data set: trajectory, map, and, with ground truth, ATE, RPE and drift.
 
@@ -50,7 +62,8 @@ def run(
     data = reading.opened(dataset)
     chosen = settings_for(ring_count(data), input, enricher, config, set_ or ())
     folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
-    about: Any = {"odometry": odometry, "strict": strict, "command": command_line()}
+    views = Views(live, record, serve)
+    about: Any = {"odometry": odometry, "strict": strict, "views": views, "command": command_line()}
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), **about)
     report = read_report(folder)
     print(_summary(report))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
-from slam.mapper import Mapper, MappingResult, corrected_poses
+from slam.mapper import LoopProgress, Mapper, MappingResult, corrected_poses
 from slam.odometry import OdometryStep
 
 SIDE = 36.0  # metres, of a square block that is driven around
@@ -73,8 +74,14 @@ def drifting(poses: Array) -> Array:
     return np.array(result)
 
 
-def mapped(scans: list[PointCloud], poses: Array, *overrides: str, status: Status = "registered") -> MappingResult:
-    with Mapper(load_config(None, overrides)) as mapper:
+def mapped(
+    scans: list[PointCloud],
+    poses: Array,
+    *overrides: str,
+    status: Status = "registered",
+    on_loops: Callable[[LoopProgress], None] | None = None,
+) -> MappingResult:
+    with Mapper(load_config(None, overrides), on_loops) as mapper:
         for position, (scan, pose) in enumerate(zip(scans, poses, strict=True)):
             step = OdometryStep(pose, 1e-6 * np.eye(6), status, None, scan)
             mapper.add(position, Frame(position, 0.1 * position, scan), scan, step)
@@ -110,6 +117,20 @@ def test_mapping_is_deterministic(mapping: MappingResult, scans: list[PointCloud
     again = mapped(scans, drifting(way()))
     assert mapping.poses.tobytes() == again.poses.tobytes()
     assert mapping.map.xyz.tobytes() == again.map.xyz.tobytes()
+
+
+def test_loops_can_be_watched_and_stay_the_same_bit_for_bit(mapping: MappingResult, scans: list[PointCloud]) -> None:
+    seen: list[LoopProgress] = []
+    watched = mapped(scans, drifting(way()), on_loops=seen.append)
+    assert watched.poses.tobytes() == mapping.poses.tobytes()
+    counts = [len(progress.loops) for progress in seen]
+    assert counts == sorted(set(counts))
+    assert counts[-1] >= mapping.loops
+    i, j = seen[0].loops[0]
+    truth = way()
+    assert np.linalg.norm(truth[i, :3, 3] - truth[j, :3, 3]) < 8
+    corrected = seen[-1].corrected(drifting(truth)[: len(seen[-1].indices)])
+    assert distance(corrected, truth[: len(corrected)]).max() < 0.5
 
 
 def test_without_loops_the_poses_are_the_odometry(scans: list[PointCloud]) -> None:

@@ -30,6 +30,7 @@ def tracks(street_poses: Array, tmp_path: Path) -> dict[str, Path]:
     return {name.partition(".")[0]: tmp_path / name for name in texts}
 
 
+@pytest.mark.report
 def test_runs_and_other_systems_are_compared(
     lidarlift: Command, street_drive: Callable[..., Path], tracks: dict[str, Path]
 ) -> None:
@@ -37,10 +38,11 @@ def test_runs_and_other_systems_are_compared(
     assert lidarlift("run", drive, "--input", "16", "--out", "r").code == 0
     result = lidarlift("compare", "r", f"KISS={tracks['kiss_poses_kitti']}", tracks["glim"], "--out", "c")
     assert result.code == 0, result.err
-    assert {"compare.json", "compare.md"} <= {path.name for path in Path("c").iterdir()}
+    assert {"compare.json", "compare.md", "report.html", "figures"} <= {path.name for path in Path("c").iterdir()}
     content = json.loads(Path("c/compare.json").read_text())
     assert list(content["inputs"]) == ["r", "KISS", "glim"]
     assert content["reference"] == "ground truth"
+    assert "KISS" in Path("c/report.html").read_text()
     assert content["inputs"]["r"]["loops"] == 0
     assert content["inputs"]["KISS"]["loops"] is None
     assert content["inputs"]["KISS"]["ate_m"] < 1e-5
