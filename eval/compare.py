@@ -30,6 +30,11 @@ PROTOCOL = {
     "and from these to the pose",
 }
 MAX_SPREAD = 0.02  # of the lengths that rows cover of the reference, relative; above it, a note says so
+ACCURACY, OF_RUNS = ("ATE, RPE", "drift", "Table III"), ("points per scan", "front end, odometry")  # in PROTOCOL
+NO_TRUTH = "no ground truth: no ATE, RPE or drift"
+NO_REFERENCE = (
+    "no reference: no ATE, RPE or drift; the distances tell which trajectories agree, not which of them is right"
+)
 DISTANCE = "rmse of positions between two trajectories after loop closure, after SE(3) Umeyama alignment"
 
 
@@ -151,8 +156,17 @@ def compare_rows(rows: Sequence[Row], reference: str | None, notes: Sequence[str
     if paths and max(paths) - min(paths) > MAX_SPREAD * max(paths):
         covered = ", ".join(f"{row.label} {row.metrics.reference_path_length_m:.1f} m" for row in rows if row.metrics)
         notes = (*notes, f"the trajectories cover different parts of the reference, so their errors differ: {covered}")
-    protocol = {name: text for name, text in _protocol(inputs).items() if name != "to full"} | {"distance": DISTANCE}
+    if reference is None:
+        inputs = {label: replace(figures, notes=_without_truth(figures.notes)) for label, figures in inputs.items()}
+        notes = (NO_REFERENCE, *notes)
+    missing = ("to full", *(() if reference else ACCURACY), *(() if any(row.run for row in rows) else OF_RUNS))
+    protocol = {name: text for name, text in _protocol(inputs).items() if name not in missing} | {"distance": DISTANCE}
     return Comparison(inputs, protocol, "trajectories", _distances(rows), reference, tuple(notes))
+
+
+def _without_truth(notes: Sequence[str]) -> tuple[str, ...]:
+    """Notes other than that there is no ground truth, which is said once for all rows."""
+    return tuple(note for note in notes if note != NO_TRUTH)
 
 
 def _distances(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
@@ -203,7 +217,7 @@ def _accuracy(metrics: Metrics | None) -> dict[str, Any]:
     """The figures against ground truth."""
     if metrics is None:
         names = ("ate_m", "table_iii_m", "rpe_m", "rpe_deg", "drift_percent", "drift_deg_per_100m", "drift_name")
-        return {**dict.fromkeys(names), "notes": ("no ground truth: no ATE, RPE or drift",)}
+        return {**dict.fromkeys(names), "notes": (NO_TRUTH,)}
     drift = metrics.drift
     return {
         "ate_m": metrics.ate.aligned.rmse,

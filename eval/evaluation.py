@@ -126,7 +126,7 @@ def evaluate_trajectory(estimate: Path, theirs: Trajectory, reference: Path, cal
         raise InputError(f"{estimate} against {reference}: {error}") from error
     note = w_first_note(reference, theirs)
     if order:
-        note = f"{reference}: as the estimate tells, its quaternions have w {'first' if order == 'wxyz' else 'last'}"
+        note = f"{reference}: judging by the estimate, its quaternions have w {'first' if order == 'wxyz' else 'last'}"
     notes = metrics.notes if note is None else (*metrics.notes, note)
     return replace(metrics, notes=notes, protocol={**metrics.protocol, **protocol})
 

@@ -64,6 +64,7 @@ class RunDetails:
         odometry_metrics: Its figures against the ground truth, None without.
         frames: What happened to each frame.
         loops: All loop candidates with their status.
+        nees: NEES of the poses per degree of freedom, see `eval.consistency`; None where it is unknown.
     """
 
     folder: Path
@@ -72,6 +73,7 @@ class RunDetails:
     odometry_metrics: Metrics | None
     frames: Frames
     loops: tuple[Loop, ...]
+    nees: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +113,7 @@ def read_run(label: str, folder: Path) -> Row:
             metrics.odometry if metrics else None,
             _frames(folder / "timings.csv"),
             read_loops(folder / "loops.csv"),
+            metrics.nees.pose if metrics and metrics.nees else None,
         )
         return Row(label, read_track(folder / "trajectory_tum.txt"), metrics.slam if metrics else None, details)
     except (OSError, ValueError, TypeError, KeyError) as error:

@@ -182,7 +182,7 @@ def as_estimate_tells(reference: Named, estimate: Track, T_camera0_lidar: Array 
     order = other_order(reference.file, estimate.stamps, estimate.poses, T)
     if order is None:
         return reference
-    note = f"as the estimates tell, its quaternions have w {'first' if order == 'wxyz' else 'last'}"
+    note = f"judging by the estimates, its quaternions have w {'first' if order == 'wxyz' else 'last'}"
     track = Track(reference.file.readings[order], reference.file.stamps)
     return replace(reference, row=replace(reference.row, track=track), notes=(note,))
 

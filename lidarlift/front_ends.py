@@ -65,7 +65,7 @@ def settings_for(
     """
     if isinstance(config, Config):
         if input or enricher or overrides:
-            raise ValueError("config already holds all settings; leave input, enricher and overrides out")
+            raise ValueError("config already contains all settings; leave input, enricher and overrides out")
         return with_runnable_enricher(config)
     settings = load_config(config, overrides, input=input, enricher=enricher)
     if "input" not in settings.front_end.model_fields_set:

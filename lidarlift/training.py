@@ -70,7 +70,7 @@ class TrainingOptions:
 
         checkpoint = self.out / CHECKPOINT
         if checkpoint.exists() and not self.resume:
-            raise InputError(f"{self.out}: holds a training already; add --resume, or choose another --out")
+            raise InputError(f"{self.out}: already contains a training; add --resume, or choose another --out")
         if self.resume and not checkpoint.exists():
             raise InputError(f"{checkpoint}: no such file, there is no training to resume; leave --resume out")
         if self.resume and self.start is not None:

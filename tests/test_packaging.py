@@ -74,7 +74,7 @@ def canonical(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def test_what_enrichment_and_eval_may_not_import_is_complete(pyproject: dict[str, Any]) -> None:
+def test_the_list_of_forbidden_imports_of_enrichment_and_eval_is_complete(pyproject: dict[str, Any]) -> None:
     """All of slam but slam.data: a new module of slam has to be named in the contract."""
     contracts = {contract["name"]: contract for contract in pyproject["tool"]["importlinter"]["contracts"]}
     forbidden = contracts["enrichment and eval stand on slam.data alone"]["forbidden_modules"]

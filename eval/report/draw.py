@@ -73,6 +73,8 @@ def aspect(chart: Chart) -> float:
 
 
 def _draw_panel(axis: Axes, panel: Panel, chart: Chart) -> None:
+    from matplotlib.ticker import LogLocator, NullLocator
+
     for curve in panel.curves:
         _draw_curve(axis, curve)
     for k, bars in enumerate(panel.bars):
@@ -86,6 +88,9 @@ def _draw_panel(axis: Axes, panel: Panel, chart: Chart) -> None:
         axis.set_ylim(-0.5, len(panel.ticks) - 0.5)
     if panel.log:
         axis.set_yscale("log")
+        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_locator(NullLocator())
     if panel.from_zero:
         axis.set_ylim(bottom=0)
     if chart.equal:

@@ -10,6 +10,7 @@ import numpy as np
 from eval.report.chart import Bars, Chart, Curve, Panel, Symbol
 from eval.report.content import Report
 from eval.runs import RunDetails
+from eval.text import number
 from slam.data.covariance_file import read_covariances
 
 #: Symbol of each status that is not the usual one.
@@ -71,6 +72,7 @@ def _frames(report: Report) -> Iterator[Chart]:
         "Inlier ratio: share of the matched points that fit the local map. Points: passed to the odometry by the front "
         "end. "
         + ("Position sigma: largest standard deviation of the position, from the pose's covariance. " if sigma else "")
+        + _consistency(report)
         + ("Unobserved: directions of motion that the scan did not constrain. " if degenerate else "")
         + ("Status: frames that were not simply registered." if status else "All frames were registered at once."),
         "; ".join(
@@ -79,6 +81,12 @@ def _frames(report: Report) -> Iterator[Chart]:
         "frame",
         panels,
     )
+
+
+def _consistency(report: Report) -> str:
+    """Whether the covariances fit the errors, where both are known."""
+    listed = ", ".join(f"{row.label} {number(run.nees, 2)}" for row, run in report.runs if run.nees is not None)
+    return f"NEES of the poses (1 is consistent, below 1 is cautious): {listed}. " if listed else ""
 
 
 def _timings(report: Report) -> Iterator[Chart]:

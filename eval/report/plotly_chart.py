@@ -75,7 +75,7 @@ def _y_axis(panel: Panel, domain: list[float]) -> dict[str, Any]:
         axis |= {"tickvals": list(range(len(panel.ticks))), "ticktext": list(panel.ticks)}
         axis |= {"range": [-0.5, len(panel.ticks) - 0.5]}
     elif panel.log:
-        axis |= {"type": "log", "dtick": 1}
+        axis |= {"type": "log", "dtick": "D2"}
     elif panel.from_zero:
         axis["rangemode"] = "tozero"
     return axis
@@ -98,6 +98,7 @@ def _trace(curve: Curve, axis: str, seen: set[str]) -> dict[str, Any]:
     if curve.colour == TRUTH:
         trace |= {"truth": True, "marker": {}}  # the page's script gives it the colour of the theme
     if curve.symbol:
-        trace["marker"] = {"color": curve.colour, "symbol": SYMBOLS[curve.symbol], "size": 8, "line": {"width": 2}}
+        trace["marker"] = {"color": curve.colour, "symbol": SYMBOLS[curve.symbol], "size": 8}
+        trace["marker"]["line"] = {"width": 2 if "open" in SYMBOLS[curve.symbol] else 0}
     seen.add(curve.label)
     return trace

@@ -9,6 +9,8 @@ from math import isfinite
 
 from eval.text import number
 
+#: Rows of a table that the page shows without a scroll bar of its own.
+LONG = 14
 LATEX = {
     **{sign: f"\\{sign}" for sign in "&%$#_{}"},
     "~": r"\textasciitilde{}",
@@ -75,6 +77,7 @@ def html(table: Table) -> str:
         "</button></th>"
         for c, column in enumerate(table.columns)
     )
+    shape = "scroll tall" if len(table.rows) > LONG else "scroll"
     body = []
     for k, row in enumerate(table.rows):
         colour = table.colours[k] if table.colours else ""
@@ -83,7 +86,7 @@ def html(table: Table) -> str:
         cells = (_cell(row[c], table.columns[c], (k, c) in best) for c in range(1, len(row)))
         body.append(f"<tr>{first}{''.join(cells)}</tr>")
     return (
-        f'<div class="scroll" role="region" tabindex="0" aria-labelledby="{table.key}-title">'
+        f'<div class="{shape}" role="region" tabindex="0" aria-labelledby="{table.key}-title">'
         f'<table class="sortable" id="table-{table.key}">'
         f'<caption id="{table.key}-title">{escape(table.title)}</caption>'
         f"<thead><tr>{heads}</tr></thead><tbody>{''.join(body)}</tbody></table></div>"

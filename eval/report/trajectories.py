@@ -91,7 +91,7 @@ def _error(report: Report, rows: Sequence[Row], pairs: dict[str, Pairs]) -> Char
         "error",
         "Error along the path" if report.truth else f"Distance to {name} along the path",
         f"Distance of each position to the {name if report.truth else 'trajectory of ' + name} at the same instant, "
-        "after SE(3) Umeyama alignment over the whole trajectory; its rmse is the aligned ATE.",
+        "after SE(3) Umeyama alignment over the whole trajectory" + ("; its rmse is the ATE." if report.truth else "."),
         "; ".join(worst),
         pairs[rows[0].label].along_title,
         [Panel("position error [m]" if report.truth else "distance [m]", curves, from_zero=True)],
@@ -113,9 +113,9 @@ def _segments(report: Report, rows: Sequence[Row], pairs: dict[str, Pairs]) -> C
         best.append(f"{row.label} {percent[-1]:.2f} % over {length[-1]:g} m")
     return Chart(
         "segments",
-        "Drift by segment length",
-        "Mean error of the relative pose over segments of each length, divided by the length; definition as KITTI's, "
-        "no alignment. The drift in the table is the mean over KITTI's set of lengths.",
+        "Drift by segment length" if report.truth else f"Difference to {report.reference[0]} by segment length",
+        f"Mean {'error' if report.truth else 'difference'} of the relative pose over segments of each length, divided "
+        "by the length; definition as KITTI's drift, no alignment.",
         "; ".join(best),
         "segment length [m]",
         [

@@ -106,15 +106,14 @@ def _loops(report: Report) -> Iterator[str]:
         if not found:
             continue
         false = sum(one.false for one in found)
-        text = f"{row.label}: {len(found)} loop closure{'s' if len(found) > 1 else ''}"
+        count = f"{len(found)} loop{'s' if len(found) > 1 else ''}"
         if row.metrics and run.odometry_metrics:
-            text += f" {_changed('the ATE', run.odometry_metrics.ate.aligned.rmse, _ate(row))}"
-            text += f"; {false} of them false" if false else "; none of them false"
+            changed = _changed("the ATE", run.odometry_metrics.ate.aligned.rmse, _ate(row))
+            text = f"{row.label}: loop closure {changed}; {count}, {false or 'none'} of them false"
         else:
             before, after = (float(np.median([getattr(one, name) for one in found])) for name in ("before", "after"))
-            text += (
-                f"; the trajectory meets them within {_length(after)}, the odometry within {_length(before)} (median)"
-            )
+            text = f"{row.label}: {count}, met by the trajectory within {_length(after)}, by the odometry within "
+            text += f"{_length(before)} (median)"
         yield text + "."
 
 
@@ -123,9 +122,9 @@ def _failures(report: Report) -> Iterator[str]:
     bad = {
         row.label: [f"{n} {kind}" for kind in kinds if (n := run.frames.status.count(kind))] for row, run in report.runs
     }
-    listed = [f"{label} {' and '.join(found)}" for label, found in bad.items() if found]
+    listed = [f"{label}: {' and '.join(found)}" for label, found in bad.items() if found]
     if listed:
-        yield f"Frames that were not registered in all directions: {', '.join(listed)}."
+        yield f"Frames that were not registered in all directions: {'; '.join(listed)}."
     elif bad:
         yield "No frame failed."
 

@@ -62,7 +62,7 @@ def write_report(folder: Path, report: Report) -> Path:
     accuracy, paper, distances, map_table, time_table, ledger = tables
     sections = [
         Section("results", "Results", _there(charts[0], accuracy, map_table)),
-        Section("errors", "Errors", _there(*charts[1:], paper, distances)),
+        Section("errors", "Errors" if report.truth else "Differences", _there(*charts[1:], paper, distances)),
         Section("scan-section", "One scan", _there(images.get("scan"), images.get("image"))),
         Section("maps-section", "Maps", _there(map_controls(some, share) if some else None, images.get("maps"))),
         Section("loops", "Loops", _there(ledger)),

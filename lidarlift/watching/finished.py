@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from pydantic import ValidationError
@@ -25,14 +25,22 @@ from slam.run import FrameRecord
 from slam.settings import FrontEndSettings
 
 if TYPE_CHECKING:
-    from slam.data.dataset import Dataset
+    from slam.data.dataset import Dataset, DatasetOptions
 
 SAME_STAMP = 1e-6  # s, rounding of the trajectory file
 TOPICS = {"points": "topic", "images": "image_topic"}  # options of `open_dataset` by their use
 MAX_FRAMES = 300  # with scans, evenly over the run, unless frames are stated
 
 
-def log_finished(folder: Path, log: RerunLog, frames: slice | None, reporter: Reporter) -> None:
+def log_finished(
+    folder: Path,
+    log: RerunLog,
+    frames: slice | None,
+    reporter: Reporter,
+    sequence: str | None = None,
+    sensor: str | Path | None = None,
+    **options: Unpack[DatasetOptions],
+) -> None:
     """Log a run folder.
 
     Without the data set, map, trajectory and loops are logged alone, and a note says so.
@@ -42,6 +50,9 @@ def log_finished(folder: Path, log: RerunLog, frames: slice | None, reporter: Re
         log: Receives everything.
         frames: Frames of the run whose scans are logged. Default: at most MAX_FRAMES, evenly.
         reporter: Receives progress and notes.
+        sequence: As in `open_dataset`, like the two below, where the run had them and run.json does not say so.
+        sensor: The LiDAR.
+        **options: How the data set is read.
 
     Raises:
         InputError: The folder does not hold a complete run, or `frames` selects none.
@@ -58,7 +69,8 @@ def log_finished(folder: Path, log: RerunLog, frames: slice | None, reporter: Re
     log.log_truth(truth.poses if truth else None)
     with reporter.progress(row.label, len(chosen)) as advance:
         try:
-            for frame, cloud, record in _scans(row, row.run, chosen):
+            data = _data_set(row.run.report["protocol"], sequence, sensor, options)
+            for frame, cloud, record in _scans(data, row, row.run, chosen):
                 log.registered(frame, cloud, record)
                 advance()
         except InputError as error:
@@ -68,14 +80,14 @@ def log_finished(folder: Path, log: RerunLog, frames: slice | None, reporter: Re
     log.log_result(row.run.odometry.poses, row.track.poses, loops, _map(folder))
 
 
-def _scans(row: Row, run: RunDetails, chosen: range) -> Iterator[tuple[Frame, PointCloud, FrameRecord]]:
+def _scans(data: Dataset, row: Row, run: RunDetails, chosen: range) -> Iterator[tuple[Frame, PointCloud, FrameRecord]]:
     """The scans as they were registered: enriched, deskewed, corrected."""
     protocol, track, frames = run.report["protocol"], row.track, run.frames
     assert track.stamps is not None
-    data, positions = _data_set(protocol), range(*protocol["frames"])
+    positions = range(*protocol["frames"])
     same = len(positions) == len(track.poses) and positions[-1] < len(data)
     if not same or np.abs(data.stamps[positions] - track.stamps).max() > SAME_STAMP:
-        raise InputError(f"{data.path}: its frames are not those of the run; it has changed, or needs other options")
+        raise InputError(f"{data.path}: its frames are not those of the run; state the options that the run had")
     front_end = front_end_for(_settings(protocol), data.sensor, data.name, ring_count(data))
     angle = np.deg2rad(protocol["vertical_correction_deg"])
     recent: deque[tuple[PointCloud, Array]] = deque(maxlen=HISTORY)
@@ -100,14 +112,16 @@ def _settings(protocol: Mapping[str, Any]) -> FrontEndSettings:
         raise InputError(f"the run is of another version, with other settings (front_end: {names})") from error
 
 
-def _data_set(protocol: Mapping[str, Any]) -> Dataset:
-    """The data set of a run, which must be where it was."""
-    path, sensor = protocol["path"], protocol["sensor"]
+def _data_set(
+    protocol: Mapping[str, Any], sequence: str | None, sensor: str | Path | None, options: DatasetOptions
+) -> Dataset:
+    """The data set of a run, which must be where it was, as the run and the options say."""
+    path, model = protocol["path"], protocol["sensor"]
     if path is None:
         raise InputError("a live run, whose scans were not kept")
     topics = {option: protocol["topics"].get(use) for use, option in TOPICS.items()}
-    given = {option: topic for option, topic in topics.items() if topic}
-    return open_dataset(path, sensor=sensor if sensor in SENSORS.names() else None, **given)
+    given: Any = topics | {option: value for option, value in options.items() if value is not None}
+    return open_dataset(path, sequence, sensor or (model if model in SENSORS.names() else None), **given)
 
 
 def _velocity(stamps: Array, poses: Array, k: int) -> Array:

@@ -67,7 +67,7 @@ class RerunLog(Observer):
         self._stream.set_sinks(*sinks, default_blueprint=blueprint)
         self._stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         self._colours = _sigma_colours()
-        self._local: list[tuple[Array, Array]] = []  # pose and points of the last scans
+        self._local: list[Array] = []  # points of the last scans in the world frame
         self._positions: list[Array] = []
         self._first_stamp = 0.0
 
@@ -141,10 +141,10 @@ class RerunLog(Observer):
     def _log_local_map(self, cloud: PointCloud, record: FrameRecord) -> None:
         """The last scans in the world frame; registration matches them, as cells."""
         some = thinned(cloud.select(cloud.measured), LOCAL_POINTS).transformed(record.pose).xyz
-        self._local = [*self._local[1 - LOCAL_SCANS :], (record.pose, some)]
+        self._local = [*self._local[1 - LOCAL_SCANS :], some]
         if len(self._positions) % LINE_EVERY == 0:
-            points = np.concatenate([xyz for _, xyz in self._local])
-            self._stream.log("world/local_map", self._rr.Points3D(points, colors=LOCAL, radii=0.02))
+            points = self._rr.Points3D(np.concatenate(self._local), colors=LOCAL, radii=0.02)
+            self._stream.log("world/local_map", points)
 
     def _log_trajectory(self, positions: Array) -> None:
         step = max(1, len(positions) // MAX_LINE)

@@ -33,7 +33,7 @@ def said(poses: Array, statuses: list[str], unobserved: list[list[float]] | None
     return OwnRun(poses, np.tile(0.01 * np.eye(6), (len(poses), 1, 1)), np.array(statuses), named)
 
 
-def test_what_there_is_along_the_road() -> None:
+def test_structure_along_the_road_is_classified() -> None:
     tunnel, bridge = course("tunnel"), course("bridge")
     numbers = np.arange(len(tunnel))
     kinds, way = what_holds(tunnel, numbers, 80.0), tunnel.way

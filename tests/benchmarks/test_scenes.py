@@ -84,7 +84,7 @@ def test_where_the_sensor_moves_in_its_own_axes() -> None:
     assert np.isnan(directions(positions((0, 0), (0.1, 0), (0, 0)))).all()
 
 
-def test_what_is_left_where_the_frames_that_told_are_set_right() -> None:
+def test_reported_frames_are_corrected_before_the_rest_is_judged() -> None:
     truth = positions((0, 0), (1, 0), (2, 0), (3, 0), (4, 0))
     estimate = positions((0, 0), (1, 0), (1, 0), (3, 0), (5, 0))  # stands still in frame 2, jumps ahead after it
     left = corrected(estimate, truth, np.array([False, False, True, False, False]))
@@ -155,7 +155,7 @@ def test_the_page_says_all_of_it() -> None:
     assert "40 frames, 10 to 49; hdl64, 64 rings; 100.0 m by the ground truth." in told
 
 
-def test_what_was_told_is_not_wrong_without_knowing() -> None:
+def test_reported_errors_are_not_unreported_errors() -> None:
     told = of_system(0.3, 90.0, failed_frames=0, degenerate_frames=20)
     told["untold"] = {"path_length_m": 99.0, "along_track_m": -1.0}
     systems = {"ndt": told, "ndt-scan-to-scan": {"error": "no"}}
@@ -237,7 +237,7 @@ def test_sixteen_rings_are_those_of_input_16(street_drive: Street) -> None:
     assert inputs.EvenRings(data).kept.tolist() == list(range(0, 128, 8))
 
 
-def test_frames_of_a_simulated_drive() -> None:
+def test_frames_of_a_simulated_sequence() -> None:
     assert frame_numbers("jam") == range(350)
     assert frame_numbers("jam", slice(10, 20)) == range(10, 20)
     with pytest.raises(InputError, match="no such simulated drive; there are loop, straight"):

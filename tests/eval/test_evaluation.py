@@ -123,8 +123,8 @@ def test_lidar_against_camera_without_calib_is_an_error(write, tmp_path):
         ("1 2 3\n", "3 columns"),
         ("hello world\n", "not a table of numbers"),
         ("1 0 0 0 0 1 0 0 0 0 nan 0\n", "not finite"),
-        ("5 0 0 0 0 1 0 0 0 0 1 0\n" * 2, "not rotations"),
-        ("1 0 0 0 0 1 0 0 0 0 -1 0\n" * 2, "not rotations"),
+        ("5 0 0 0 0 1 0 0 0 0 1 0\n" * 2, "not a rotation"),
+        ("1 0 0 0 0 1 0 0 0 0 -1 0\n" * 2, "not a rotation"),
     ],
 )
 def test_malformed_files_are_an_error(tmp_path, write, text, complaint):
@@ -265,4 +265,4 @@ def test_a_reference_with_w_first_is_read_as_the_estimate_tells(tmp_path):
     np.savetxt(tmp_path / "reference.txt", table[:, [0, 1, 2, 3, 7, 4, 5, 6]])
     metrics = evaluate_files(tmp_path / "estimate.txt", tmp_path / "reference.txt")
     assert metrics.rpe.frame.rmse == pytest.approx(0, abs=1e-6)
-    assert any("as the estimate tells, its quaternions have w first" in note for note in metrics.notes)
+    assert any("judging by the estimate, its quaternions have w first" in note for note in metrics.notes)

@@ -95,7 +95,7 @@ def test_labels(run_folder: Callable[..., Path], tmp_path: Path) -> None:
         labelled([Source(Path("a"), label="A"), Source(Path("b"), label="A")])
 
 
-def test_what_is_no_trajectory_is_an_error(run_folder: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_file_without_a_trajectory_is_an_error(run_folder: Callable[..., Path], tmp_path: Path) -> None:
     run_folder("16", 101.0)
     (tmp_path / "stopped").mkdir()
     (tmp_path / "stopped" / "odometry_tum.txt").write_text("")
@@ -138,6 +138,9 @@ def test_rows_without_a_reference_are_compared_with_each_other() -> None:
     assert comparison.inputs["fast"].path_m == pytest.approx(39.39, abs=0.01)
     assert comparison.inputs["fast"].ate_m is None
     text = format_comparison(comparison)
+    assert comparison.notes[0].startswith("no reference: no ATE, RPE or drift; the distances tell")
+    assert list(comparison.protocol) == ["distance"]
+    assert all(figures.notes == () for figures in comparison.inputs.values())
     assert "ATE\n" not in text
     assert f"{off:.3f}" in text
     with pytest.raises(InputError, match="slow and short: 40 poses against 30"):

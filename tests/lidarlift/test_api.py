@@ -57,7 +57,7 @@ def test_run_writes_nothing_without_out(street_drive: Drive, tmp_path: Path, mon
 def test_complete_settings_exclude_other_settings(street_drive: Drive) -> None:
     path, config = street_drive(), lidarlift.load_config(input="16")
     assert lidarlift.run(path, config=config, frames=slice(2)).records[0].points == 16 * 600
-    with pytest.raises(ValueError, match="config already holds all settings"):
+    with pytest.raises(ValueError, match="config already contains all settings"):
         lidarlift.run(path, config=config, input="64")
 
 

@@ -108,7 +108,7 @@ def test_64_is_of_64_rings(rings: int) -> None:
         ("os0-128", ["16", "enriched", "full"]),
     ],
 )
-def test_what_can_be_compared(tmp_path: Path, name: str, inputs: list[str]) -> None:
+def test_available_inputs_depend_on_the_sensor(tmp_path: Path, name: str, inputs: list[str]) -> None:
     np.save(tmp_path / "0.npy", np.ones((50, 4), np.float32))
     assert available_inputs(UserFolder(tmp_path, name)) == inputs
 

@@ -81,7 +81,7 @@ def test_without_ground_truth_the_verdict_calls_nothing_better(run_folder: Calla
 
 def test_a_false_loop_is_counted(run_folder: Callable[..., Path]) -> None:
     folder = run_folder("16", 101.0)
-    assert "none of them false" in " ".join(verdict(report_of("Street", {"16": folder})))
+    assert "1 loop, none of them false" in " ".join(verdict(report_of("Street", {"16": folder})))
     ledger = folder / "loops.csv"
     ledger.write_text(ledger.read_text().replace("accepted,,2,0,0", "accepted,,9,0,0"))
     assert "1 of them false" in " ".join(verdict(report_of("Street", {"16": folder})))

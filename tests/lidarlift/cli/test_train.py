@@ -40,7 +40,7 @@ def test_an_interrupted_training_is_resumed(lidarlift: Command, seen: Path) -> N
     card = Path("t/l2l.md").read_text()
     assert "returns of the scan and 5 before and after, placed by ground truth" in card
     assert "lidarlift train depth l2l" in card
-    lidarlift("train", "depth", "l2l", "street.npz", "--out", "t", *SHORT).refused("t: holds a training", "--resume")
+    lidarlift("train", "depth", "l2l", "street.npz", "--out", "t", *SHORT).refused("contains a training", "--resume")
     more = ("--validate", seen, "--out", "t", "--resume", *SHORT, "--steps", 3)
     again = lidarlift("train", "depth", "l2l", "street.npz", *more)
     assert again.code == 0, again.err

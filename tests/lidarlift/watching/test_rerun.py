@@ -68,7 +68,7 @@ def test_a_finished_run_is_recorded(lidarlift: Command, street_drive: Drive) -> 
     lidarlift("view", "r", "--record", "x.rrd", "--frames", "50:60").refused("--frames", "none of the 6 frames")
 
 
-@pytest.mark.parametrize("gone", ["the data set", "a scan's stamp", "a setting's name"])
+@pytest.mark.parametrize("gone", ["the data set", "a scan's stamp", "a setting's name", "an option"])
 def test_a_run_whose_scans_cannot_be_read_as_before_is_shown_without(
     lidarlift: Command, street_drive: Drive, gone: str
 ) -> None:
@@ -79,11 +79,12 @@ def test_a_run_whose_scans_cannot_be_read_as_before_is_shown_without(
         shutil.rmtree(drive)
     elif gone == "a scan's stamp":
         (drive / "times.txt").write_text("".join(f"{0.2 * number}\n" for number in range(8)))
-    else:
+    elif gone == "a setting's name":
         report = json.loads(Path("r/run.json").read_text())
         report["protocol"]["config"]["front_end"]["old_name"] = 1
         Path("r/run.json").write_text(json.dumps(report))
-    result = lidarlift("view", "r", "--record", "r.rrd")
+    wrong = ("--columns", "x,y") if gone == "an option" else ()
+    result = lidarlift("view", "r", "--record", "r.rrd", *wrong)
     assert result.code == 0, result.err
     assert "shown without scans" in result.err
     found = entities(Path("r.rrd"))

@@ -240,7 +240,7 @@ def test_calibration_is_read_and_checked(folder: Path) -> None:
         assert message in str(error.value)
 
 
-def test_images_of_16_bits_keep_their_brightness_beside_each_other(folder: Path) -> None:
+def test_images_of_16_bits_have_a_common_brightness_scale(folder: Path) -> None:
     """12 bits in use: a dark image is dark, as it would not be by its own brightest pixel."""
     (folder / "images").mkdir()
     for name, brightest in (("scan1", 400), ("scan2", 4000), ("scan10", 800)):

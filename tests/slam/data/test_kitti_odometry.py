@@ -114,7 +114,7 @@ def test_without_calibration_scans_still_run(odometry_root: Path) -> None:
     assert len(dataset[0].cloud) == 64 * 360
 
 
-def test_calibration_without_tr_says_so(odometry_root: Path) -> None:
+def test_calibration_without_tr_is_reported(odometry_root: Path) -> None:
     (odometry_root / "sequences" / "04" / "calib.txt").write_text("P2: 700 0 600 42 0 700 180 0 0 0 1 0\n")
     assert "'Tr:'" in open_dataset(odometry_root).problems[0].message
 
