@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from tests.inputs.test_images import IMAGES
-from tests.inputs.test_interrupted_runs import LOST
-from tests.inputs.test_poses_and_graphs import POSES_AND_GRAPHS
-from tests.inputs.test_truth import TRUTH
+from tests.inputs import test_images, test_interrupted_runs, test_poses_and_graphs, test_truth
+
+MODULES = (test_truth, test_poses_and_graphs, test_images, test_interrupted_runs)
 
 
 def test_case_numbers_are_unique() -> None:
-    cases = [*TRUTH, *POSES_AND_GRAPHS, *IMAGES, *LOST]
-    assert len({case.number for case in cases}) == len(cases)
+    numbers = [case.number for module in MODULES for case in module.CASES]
+    assert len(set(numbers)) == len(numbers)

@@ -197,7 +197,7 @@ def odd_sizes(bench: Bench) -> None:
     assert result.code == 0, result.err
 
 
-IMAGES = [
+CASES = [
     Case("48", "images of 1225 x 369 pixels", "not tested", "every method completes their depth", odd_sizes),
     Case("49", "fewer images than scans", "not tested", "no image for the other scans, and reported", fewer_images),
     Case(
@@ -270,6 +270,6 @@ IMAGES = [
 ]
 
 
-@pytest.mark.parametrize("case", IMAGES, ids=str)
+@pytest.mark.parametrize("case", CASES, ids=str)
 def test_images_and_calibration(case: Case, bench: Bench) -> None:
     case.play(bench)

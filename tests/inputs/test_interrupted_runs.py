@@ -141,7 +141,7 @@ def first_scan_of_few_points(bench: Bench) -> None:
     assert sizes[1] == sizes[0]
 
 
-LOST = [
+CASES = [
     Case(
         "R5",
         "an exception during a run",
@@ -181,6 +181,6 @@ LOST = [
 ]
 
 
-@pytest.mark.parametrize("case", LOST, ids=str)
+@pytest.mark.parametrize("case", CASES, ids=str)
 def test_interrupted_runs(case: Case, bench: Bench) -> None:
     case.play(bench)

@@ -160,7 +160,7 @@ def world_frame(bench: Bench) -> None:
         assert problems == (["world frame"] if name == "world" else [])
 
 
-POSES_AND_GRAPHS = [
+CASES = [
     Case(
         "37",
         "scans that are already in the world frame",
@@ -229,6 +229,6 @@ POSES_AND_GRAPHS = [
 ]
 
 
-@pytest.mark.parametrize("case", POSES_AND_GRAPHS, ids=str)
+@pytest.mark.parametrize("case", CASES, ids=str)
 def test_poses_and_graphs(case: Case, bench: Bench) -> None:
     case.play(bench)

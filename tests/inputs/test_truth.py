@@ -45,7 +45,7 @@ def fewer_rows(bench: Bench) -> None:
     no_truth("gap in numbering", "no ground truth")(open_dataset(bench.folder))
 
 
-TRUTH = [
+CASES = [
     Case("41", "TUM with commas", "refused", "read", opened(text(rows(), ","), truth())),
     Case(
         "41b",
@@ -249,6 +249,6 @@ TRUTH = [
 ]
 
 
-@pytest.mark.parametrize("case", TRUTH, ids=str)
+@pytest.mark.parametrize("case", CASES, ids=str)
 def test_ground_truth(case: Case, bench: Bench) -> None:
     case.play(bench)
