@@ -12,6 +12,7 @@ from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from lidarlift.calibrating import calibrate as calibrate
     from lidarlift.comparing import compare as compare
     from lidarlift.comparing_trajectories import compare_trajectories as compare_trajectories
     from lidarlift.enriching import enrich as enrich
@@ -34,6 +35,7 @@ _PLACES = {
     "InputError": "slam.data.errors",
     "PointCloud": "slam.data.cloud",
     "Slam": "lidarlift.live",
+    "calibrate": "lidarlift.calibrating",
     "compare": "lidarlift.comparing",
     "compare_trajectories": "lidarlift.comparing_trajectories",
     "enrich": "lidarlift.enriching",

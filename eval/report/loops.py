@@ -42,8 +42,9 @@ def closures(run: RunDetails, track: Track, truth: Track | None) -> list[Closure
         track: Its trajectory after loop closure.
         truth: The ground truth, None without.
     """
-    accepted = [loop for loop in run.loops if loop.accepted]
     numbers = run.frames.numbers.tolist()
+    known = set(numbers)
+    accepted = [loop for loop in run.loops if loop.accepted and {loop.i, loop.j} <= known]
     before = errors(accepted, run.odometry.poses, numbers)
     after = errors(accepted, track.poses, numbers)
     off = errors(accepted, _truth_of_frames(run, truth), numbers)

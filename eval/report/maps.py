@@ -70,8 +70,8 @@ def read_maps(report: Report) -> dict[str, Points]:
 
 def figures_of(xyz: Array) -> MapFigures:
     """Compute the figures of a map with points (N, 3) [m], N > 0."""
-    squares = np.unique(np.floor(xyz[:, :2] / CELL).astype(np.int64), axis=0)
-    return MapFigures(len(xyz), len(xyz) / (len(squares) * CELL**2), sharpness(xyz))
+    squares = len(np.unique(_square(xyz, CELL)))
+    return MapFigures(len(xyz), len(xyz) / (squares * CELL**2), sharpness(xyz))
 
 
 def sharpness(xyz: Array, seed: int = 0) -> Sharpness | None:
@@ -90,9 +90,11 @@ def sharpness(xyz: Array, seed: int = 0) -> Sharpness | None:
         >>> round(sharpness(flat).thickness_m, 3)
         0.0
     """
-    chosen = np.random.default_rng(seed).permutation(len(xyz))[:SAMPLED]
-    points = xyz.astype(np.float64)
-    neighbours = cKDTree(points).query_ball_point(points[chosen], RADIUS)
+    samples = xyz[np.random.default_rng(seed).permutation(len(xyz))[:SAMPLED]].astype(np.float64)
+    offsets = RADIUS * np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 1, 2)
+    around = np.unique(_square(samples[:, :2] + offsets, RADIUS))
+    points = xyz[np.isin(_square(xyz, RADIUS), around)].astype(np.float64)  # a tree of the whole map can take minutes
+    neighbours = cKDTree(points).query_ball_point(samples, RADIUS)
     spreads = np.array([np.cov(points[each].T, bias=True) for each in neighbours if len(each) >= NEIGHBOURS])
     if len(spreads) == 0:
         return None
@@ -114,6 +116,12 @@ def thinned(maps: Mapping[str, Points], seed: int = 0) -> tuple[dict[str, Points
     sizes = [len(points.xyz) for points in maps.values()]
     share = min(1.0, ALL / max(sum(sizes), 1), ONE / max(max(sizes, default=1), 1))
     return {label: _some(points, share, seed) for label, points in maps.items()}, share
+
+
+def _square(xy: Array, size: float) -> Array:
+    """One number for each square of `size` [m], seen from above, in which points (..., 2 or 3) lie."""
+    column, row = np.moveaxis(np.floor(xy[..., :2] / size).astype(np.int64), -1, 0)
+    return np.asarray((column << 32) + row)
 
 
 def _some(points: Points, share: float, seed: int) -> Points:

@@ -68,7 +68,7 @@ def _edges(report: Report, row: Row, xy: Array) -> Iterator[Curve]:
     if row.run is None or not (found := closures(row.run, row.track, report.truth)):
         return
     position = {number: k for k, number in enumerate(row.run.frames.numbers.tolist())}
-    ends = [(position[one.loop.i], position[one.loop.j]) for one in found if one.loop.i in position]
+    ends = [(position[one.loop.i], position[one.loop.j]) for one in found]
     gap = np.full((1, 2), np.nan)
     x, y = np.concatenate([np.concatenate([xy[[i, j]], gap]) for i, j in ends]).T
     yield Curve(x, y, f"{row.label}, loops", report.colours[row.label], width=0.8)

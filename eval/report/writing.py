@@ -24,6 +24,8 @@ from eval.report.verdict import verdict
 from slam.data.atomic import write_text
 
 PAGE, FIGURES = "report.html", "figures"
+#: Figures that not every report has.
+MAYBE = ("error", "segments", "height", "scan", "image", "maps", "health", "timings")
 PAGE_DPI = 110  # of pictures in the page
 
 
@@ -80,6 +82,9 @@ def _there(*parts: Table | Chart | Image | str | None) -> list[Table | Chart | I
 
 
 def _write_files(folder: Path, charts: Sequence[Chart], pictures: Sequence[Picture], tables: Sequence[Table]) -> None:
+    for name in MAYBE:  # of an earlier report; other files in the folder are the user's
+        for suffix in (".png", ".svg"):
+            (folder / f"{name}{suffix}").unlink(missing_ok=True)
     for chart in charts:
         save(drawn(chart), folder, chart.key)
     for picture in pictures:

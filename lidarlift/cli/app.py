@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 import lidarlift
+from lidarlift.cli.calibrate import calibrate
 from lidarlift.cli.compare import compare
 from lidarlift.cli.config import config
 from lidarlift.cli.console import messages
@@ -43,9 +44,10 @@ app = typer.Typer(
     Without data: `lidarlift demo`
     """,
 )
-for command in (run, info, compare, view, enrich, evaluate, export, config, fit_lasers, simulate, demo):
+for command in (run, info, compare, view, enrich, evaluate, export, config, calibrate, fit_lasers, simulate):
     app.command()(command)
-app.command()(depth_benchmark)
+for command in (demo, depth_benchmark):
+    app.command()(command)
 app.add_typer(train, name="train")
 app.add_typer(study, name="study")
 

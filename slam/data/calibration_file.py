@@ -1,18 +1,20 @@
-"""A user's camera calibration, calib.yaml."""
+"""Calibration file of a user's cameras: calib.yaml."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from slam.data.cloud import Array, Calibration
 from slam.data.errors import InputError
-from slam.data.yaml_files import checked_mapping, numbers, read_yaml
+from slam.data.yaml_files import checked_mapping, numbers, read_yaml, suggest
 
-#: What others call the model of k1 k2 p1 p2 [k3 ...], and those that have four coefficients of another meaning.
+#: Names of the model with coefficients k1 k2 p1 p2 [k3 ...], and of the one with k1 k2 k3 k4.
 PINHOLE = ("pinhole", "radtan", "plumb_bob", "brown", "opencv", "rational_polynomial")
 FISHEYE = ("fisheye", "equidistant", "kannala_brandt", "opencv_fisheye")
 KEYS = ("K", "T_camera_lidar", "distortion", "model")
@@ -37,23 +39,23 @@ class Camera:
 
 
 def read_cameras(path: Path) -> list[Camera]:
-    """The cameras of a calib.yaml, the one that looks most along the LiDAR's x first.
+    """Read the cameras of a calib.yaml, the one that looks most along the LiDAR's x axis first.
 
-    The keys of one: `K` (3x3, pixels), `T_camera_lidar` (4x4, LiDAR points into the camera's frame) and, for images
-    that are not rectified, `distortion` and the `model` that it is of: OpenCV's 4, 5, 8, 12 or 14 coefficients
-    (PINHOLE, the default), or k1 k2 k3 k4 of its fisheye model (FISHEYE). Of several: `cameras`, under which each has
-    these below its name, and `images`, their folder, which is images/NAME where nothing is said.
+    Keys of a camera: `K` (3x3, pixels), `T_camera_lidar` (4x4, from the LiDAR's frame into the camera's) and, for
+    images that are not rectified, `distortion` and its `model`: OpenCV's 4, 5, 8, 12 or 14 coefficients (PINHOLE, the
+    default), or k1 k2 k3 k4 of its fisheye model (FISHEYE). Several cameras are listed under `cameras`, each with these
+    keys under its name, and optionally `images`, the folder of its images (default: images/NAME).
 
     Raises:
-        InputError: A key is missing, or its value of another shape, or no camera or rigid motion; the model is unknown;
-            or four coefficients may be a fisheye's and no model says so.
+        InputError: A key is missing; a value has a wrong shape or is no camera or rigid motion; the model is unknown;
+            or four coefficients may be those of a fisheye, and no model is given.
     """
     content = read_yaml(path)
     if not isinstance(content, dict) or "cameras" not in content:
         return [Camera(_calibration(path, checked_mapping(path, content, KEYS)))]
     if len(content) > 1:
         extra = next(key for key in content if key != "cameras")
-        raise InputError(f"{path}: '{extra}' beside 'cameras'; put it under the name of the camera that it is of")
+        raise InputError(f"{path}: '{extra}' beside 'cameras'; put it under the name of its camera")
     named = content["cameras"]
     if not isinstance(named, dict) or not named:
         raise InputError(f"{path}: 'cameras': names are expected, and under each K and T_camera_lidar")
@@ -63,11 +65,54 @@ def read_cameras(path: Path) -> list[Camera]:
         keys = checked_mapping(path, keys, (*KEYS, "images"), where)
         folder = path.parent / str(keys.get("images", f"images/{name}"))
         found.append(Camera(_calibration(path, keys, where), folder, str(name), str(keys.get("images", ""))))
-    return sorted(found, key=lambda camera: -camera.calibration.T_camera_lidar[2, 0])  # the axis' share of x
+    return sorted(found, key=lambda camera: -camera.calibration.T_camera_lidar[2, 0])  # x component of its axis
+
+
+def camera_named(path: Path, name: str | None) -> Camera:
+    """Read one camera of a calib.yaml: by its name, or without one the camera that looks ahead.
+
+    Raises:
+        InputError: As `read_cameras`, or there is no camera of this name.
+    """
+    cameras = read_cameras(path)
+    if name is None:
+        return cameras[0]
+    found = [camera for camera in cameras if camera.name == name]
+    if not found:
+        names = [camera.name for camera in cameras if camera.name]
+        raise InputError(
+            f"{path}: no camera '{name}'{suggest(name, names) if names else '; its one camera has no name'}"
+        )
+    return found[0]
+
+
+def calibration_text(
+    calibration: Calibration, beside: Path | None = None, name: str = "", comments: Sequence[str] = ()
+) -> str:
+    """Return the text of a calib.yaml.
+
+    Args:
+        calibration: The camera.
+        beside: A calib.yaml whose other cameras are kept.
+        name: Name of the camera in that file; '': the file has one camera, without a name.
+        comments: Lines written above.
+    """
+    keys: dict[str, Any] = {"K": calibration.K.tolist(), "T_camera_lidar": calibration.T_camera_lidar.tolist()}
+    if calibration.fisheye:
+        keys["model"] = "fisheye"
+    if calibration.distortion:
+        keys["distortion"] = list(calibration.distortion)
+    content = keys
+    if beside is not None and name:
+        content = read_yaml(beside)
+        content["cameras"] = {str(each): dict(values) for each, values in content["cameras"].items()}
+        content["cameras"][name] = {**content["cameras"][name], **keys}
+    head = "".join(f"# {line}\n" for line in comments)
+    return head + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
 
 
 def _calibration(path: Path, content: dict[str, Any], where: str = "") -> Calibration:
-    """Of a camera's keys and values; `where` stands before the keys in messages."""
+    """The calibration from a camera's keys and values; `where` is the prefix of the keys in messages."""
     for key in ("K", "T_camera_lidar"):
         if key not in content:
             raise InputError(f"{path}: '{where}{key}' is missing")
@@ -94,7 +139,7 @@ def coefficients_fault(count: int, fisheye: bool) -> str:
 
 
 def _is_fisheye(path: Path, model: object, distortion: Array) -> bool:
-    """Raises InputError where the model is unknown, or the coefficients may not be those of a pinhole camera."""
+    """Whether the model is a fisheye. Raises InputError if it is unknown, or missing where it is ambiguous."""
     fisheye = None if model is None else is_fisheye_model(str(model))
     if model is not None and fisheye is None:
         known = ", ".join(PINHOLE + FISHEYE)

@@ -1,4 +1,4 @@
-"""What the camera sees of the LiDAR's points: where they fall in the image, which are hidden, what colour they have."""
+"""Projection of the LiDAR's points into images: pixels, visibility, colours."""
 
 from __future__ import annotations
 
@@ -10,17 +10,23 @@ from scipy.ndimage import minimum_filter
 
 from slam.data.cloud import Array, Calibration, PointCloud, View
 
-#: A point is hidden behind a return that is nearer by more than the larger of metres and share of its depth, and at
-#: most so many rows and columns of pixels away: the LiDAR stands higher and looks over things.
+#: A point is hidden if a return within a window of pixels is nearer by more than NEARER [m] and more than NEARER_SHARE
+#: of the point's depth: the LiDAR is mounted higher and sees over objects.
 NEARER, NEARER_SHARE = 1.0, 0.05
 WINDOW_ROWS, WINDOW_COLUMNS = 4, 3
 
 
 def project(xyz: Array, calibration: Calibration) -> tuple[Array, Array]:
-    """Pixels (N, 2) float64 (u to the right, v down; whole numbers are pixel centres) and depth (N,) float64 [m].
+    """Project points into the image.
 
-    Points (N, 3) in the LiDAR's frame as recorded, before deskewing. Pixels are NaN behind the camera, for a fisheye
-    lens, too, and where the lens's distortion folds back: its model would put points from far outside into the image.
+    Args:
+        xyz: (N, 3), in the LiDAR's frame as recorded, before deskewing [m].
+        calibration: Calibration of the camera.
+
+    Returns:
+        Pixels (N, 2) float64, u to the right and v down, with integers at pixel centres; and depths (N,) float64 [m].
+        Pixels are NaN behind the camera, also of a fisheye lens, and where the lens model folds back: there the model
+        would project points from far outside into the image.
     """
     T, K = calibration.T_camera_lidar, calibration.K
     points = np.einsum("ij,nj->ni", T[:3, :3], xyz) + T[:3, 3]  # `@` waits long for BLAS's threads
@@ -35,7 +41,13 @@ def project(xyz: Array, calibration: Calibration) -> tuple[Array, Array]:
 
 
 def visible(pixels: Array, depth: Array, shape: tuple[int, ...]) -> Array:
-    """(N,) bool: which points, projected by `project`, an image of `shape` (H, W, ...) shows: inside and not hidden."""
+    """Return which points the image shows: inside and not hidden by nearer ones, (N,) bool.
+
+    Args:
+        pixels: (N, 2), from `project`.
+        depth: (N,), from `project` [m].
+        shape: Shape (H, W, ...) of the image.
+    """
     height, width = shape[:2]
     with np.errstate(invalid="ignore"):
         inside: Array = np.all((pixels >= -0.5) & (pixels < (width - 0.5, height - 0.5)), axis=1)
@@ -49,9 +61,9 @@ def visible(pixels: Array, depth: Array, shape: tuple[int, ...]) -> Array:
 
 
 def with_colour(cloud: PointCloud, image: Array, calibration: Calibration) -> PointCloud:
-    """The cloud with the colours of an image (H, W, 3) uint8 RGB taken at the same time.
+    """Return the cloud with the colours of an image (H, W, 3) uint8 RGB taken at the same time.
 
-    Black (0, 0, 0) means that the camera did not see the point; what is black itself becomes (1, 1, 1).
+    Black (0, 0, 0) means that the camera did not see the point; a black pixel gives (1, 1, 1).
     """
     pixels, depth = project(cloud.xyz, calibration)
     seen = visible(pixels, depth, image.shape)
@@ -63,7 +75,10 @@ def with_colour(cloud: PointCloud, image: Array, calibration: Calibration) -> Po
 
 
 def with_colours(cloud: PointCloud, views: Iterable[View]) -> PointCloud:
-    """The same of several cameras: each point has the colour that the first of them saw. As it is without images."""
+    """Return the cloud with the colours of several cameras: each point has the colour of the first that saw it.
+
+    Without images, the cloud is returned unchanged.
+    """
     for view in views:
         if (image := view.read_image()) is not None:
             before, seen = cloud.colour, with_colour(cloud, image, view.calibration).colour
@@ -74,13 +89,13 @@ def with_colours(cloud: PointCloud, views: Iterable[View]) -> PointCloud:
 
 
 def nearest_pixel(pixels: Array) -> tuple[Array, Array]:
-    """Columns and rows, (...) int64 each, of pixels (..., 2)."""
+    """Return columns and rows, (...) int64 each, of pixels (..., 2)."""
     column, row = np.moveaxis(np.floor(pixels + 0.5).astype(np.int64), -1, 0)
     return column, row
 
 
 def _distorted(plane: Array, coefficients: tuple[float, ...]) -> Array:
-    """OpenCV's lens model on the plane at depth 1, (N, 2); NaN where it folds back."""
+    """OpenCV's lens model on the plane at depth 1, (N, 2); NaN where the model folds back."""
     import cv2  # takes a while to import, and rectified images do not need it
 
     inside = np.linalg.norm(plane, axis=1) < _fold(coefficients)  # never so for NaN
@@ -93,7 +108,7 @@ def _distorted(plane: Array, coefficients: tuple[float, ...]) -> Array:
 
 
 def _fold(coefficients: tuple[float, ...]) -> float:
-    """Radius on the plane at depth 1 from which on the model (k1 k2 p1 p2 [k3 [k4 k5 k6]]) draws points inwards."""
+    """Radius on the plane at depth 1 beyond which the model (k1 k2 p1 p2 [k3 [k4 k5 k6]]) moves points inwards."""
     k1, k2, _, _, k3, k4, k5, k6 = (*coefficients, *(0.0,) * 8)[:8]
     radius = np.linspace(0, 10, 5001)  # to 84 degrees off the axis
     s = radius**2
@@ -103,8 +118,10 @@ def _fold(coefficients: tuple[float, ...]) -> float:
 
 
 def _equidistant(plane: Array, coefficients: tuple[float, ...]) -> Array:
-    """The fisheye model of OpenCV (Kannala and Brandt, PAMI 2006) on the plane at depth 1, (N, 2): a ray at angle t off
-    the axis is drawn at t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8). NaN where that folds back."""
+    """OpenCV's fisheye model (Kannala and Brandt, PAMI 2006) on the plane at depth 1, (N, 2); NaN where it folds back.
+
+    A ray at angle t from the axis is projected to the radius t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8).
+    """
     k = np.array([1.0, *coefficients, *(0.0,) * (4 - len(coefficients))])
     radius = np.linalg.norm(plane, axis=1)
     angle = np.arctan(radius)

@@ -1,4 +1,4 @@
-"""The camera's images: which belongs to which scan, and how they are read."""
+"""Images of cameras: matching with scans, and reading."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from slam.data.cloud import Array, Frame
 from slam.data.files import SCAN_PERIOD
+from slam.data.image_damage import PNG, TAIL, fault_inside, fault_of
 from slam.data.problem import Problem
 from slam.data.scan_names import in_order
 from slam.data.stamps import usual_step
@@ -19,13 +20,9 @@ from slam.data.time_files import TIME_FILES, read_stamps
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 IMAGE_FOLDERS = ("images", "image_2")
-#: How whole files begin, and what stands within TAIL bytes of their end: PNG's last chunk, JPEG's end of image.
-MARKS = ((b"\x89PNG\r\n\x1a\n", b"IEND"), (b"\xff\xd8\xff", b"\xff\xd9"))
-TAIL = 4096
-UNKNOWN = "neither PNG nor JPEG"
-DEPTHS = (10, 12, 14, 16)  # bits that cameras put into 16
-DEPTH_AT = 24  # the byte of a PNG that has the bits of a value
-SAMPLES = 5  # images of a drive that are looked at for the bits in use
+DEPTHS = (10, 12, 14, 16)  # bits in use of 16
+DEPTH_AT = 24  # offset of the byte of a PNG with its bits per value
+SAMPLES = 5  # images of a sequence in which the bits in use are determined
 
 
 class ReportingReader(ABC):
@@ -43,60 +40,58 @@ class ReportingReader(ABC):
 
 
 class ImageFile(ReportingReader):
-    """Reads an image, (H, W, 3) uint8 RGB as its pixels are stored, whatever orientation a tag in it asks for.
+    """Reads an image: (H, W, 3) uint8 RGB as its pixels are stored, ignoring an orientation tag.
 
-    It gives None for a damaged file; `problem` says so once that is known. Of 16 bits, `bits` are in use.
+    Attributes:
+        path: The file, PNG or JPEG, in colour or grey, of 8 or 16 bits.
+        bits: Bits in use of 16; 0: as many as the image itself needs.
+        problem: Damage of the file, None if none is known so far.
     """
 
     def __init__(self, path: Path, bits: int = 0) -> None:
         self.path, self.bits = path, bits
 
     def __call__(self) -> Array | None:
-        """The image."""
-        import cv2  # takes a while to import, and a LiDAR alone does not need it
+        """Read the image; None if the file is damaged."""
+        import cv2  # slow to import, and not needed without a camera
 
-        image = None
-        if (fault := self._fault()) is None:
-            image = cv2.imread(str(self.path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
-            fault = "its contents cannot be decoded" if image is None else None
+        image, fault = None, self._fault_at_ends()
+        if fault is None:
+            content = self.path.read_bytes()
+            fault = fault_inside(content)
+        if fault is None:
+            flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+            image = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
+            fault = "its contents cannot be decoded"
         if image is None:
             self.problem = self.problem or _damaged(self.path, str(fault))
             return None
         return np.ascontiguousarray(_eight_bits(image, self.bits)[:, :, ::-1])
 
     def check(self) -> Problem | None:
-        """What is wrong with the file by its beginning and end; the pixels are not looked at."""
-        if self.problem is None and (fault := self._fault()):
+        """Return the damage that the beginning and the end of the file show; the pixels are not read."""
+        if self.problem is None and (fault := self._fault_at_ends()):
             self.problem = _damaged(self.path, fault)
         return self.problem
 
-    def _fault(self) -> str | None:
+    def _fault_at_ends(self) -> str | None:
         try:
             with self.path.open("rb") as file:
                 head = file.read(16)
                 file.seek(0, 2)
                 file.seek(max(file.tell() - TAIL, 0))
-                tail = file.read()
+                return fault_of(head, file.read())
         except OSError as error:
             return f"cannot be read ({error.strerror or error})"
-        return fault_of(head, tail)
-
-
-def fault_of(head: bytes, tail: bytes) -> str | None:
-    """What is wrong with a PNG or JPEG by its first bytes and its last `TAIL` bytes, None if nothing is."""
-    for begin, end in MARKS:
-        if head.startswith(begin):
-            return None if end in tail else "cut short"
-    return UNKNOWN if head else "nothing in it"
 
 
 def no_image() -> Array | None:
-    """Of a scan that has none."""
+    """Return None: the reader of a scan without an image."""
     return None
 
 
 def image_problems(image: ImageFile | None, number: int, folder: Path) -> tuple[Problem, ...]:
-    """A Problem where a data set with images has none, an empty or a damaged file for this scan."""
+    """Return a Problem if a data set with images has no image, an empty or a damaged file for this scan."""
     if image is None or (image.path.is_file() and image.path.stat().st_size == 0):
         return (Problem("missing image", f"{folder}: no image for scan {number}; its points stay without colour"),)
     problem = image.check()
@@ -104,35 +99,35 @@ def image_problems(image: ImageFile | None, number: int, folder: Path) -> tuple[
 
 
 def found_in_reading(frame: Frame) -> tuple[Problem, ...]:
-    """What was wrong with a frame's images when they were read, beyond what the frame's own problems say."""
+    """Return the damage found while reading a frame's images, without the frame's own problems."""
     readers = (reader for reader in frame.image_readers if isinstance(reader, ReportingReader))
     found = (reader.problem for reader in readers)
     return tuple(problem for problem in found if problem is not None and problem not in frame.problems)
 
 
 def image_folder(path: Path) -> Path | None:
-    """The folder with the images of a drive, None where there is none."""
+    """Return the folder with the images of a sequence, or None."""
     return next((path / name for name in IMAGE_FOLDERS if (path / name).is_dir()), None)
 
 
 def matched_images(
     folder: Path, scans: Sequence[Path], stamps: Array, known_times: bool, unit: str | None = None
 ) -> tuple[Path | None, list[ImageFile | None], tuple[Problem, ...]]:
-    """For each scan its image.
+    """Match images with scans.
 
-    Where the images have a times.txt, that is the nearest in time, within half a scan's period; else its namesake, or
-    the one of its number; else the nearest by the stamps in their names.
+    With a times.txt of the images, the image of a scan is the nearest in time, within half a scan period; else the one
+    with the scan's name, or with its number; else the nearest by the stamps in the images' names.
 
     Args:
-        folder: The images' folder.
-        scans: The N files.
-        stamps: (N,) [s].
+        folder: Folder of the images.
+        scans: Files of the N scans.
+        stamps: (N,) stamps of the scans [s].
         known_times: Whether the stamps were recorded, not assumed.
-        unit: Of the stamps that are the images' names, where it is known (see `in_order`).
+        unit: Unit of stamps in the names of the images, if known (see `in_order`).
 
     Returns:
-        The folder of the images, None where there are none to use; the image of each scan, or None; and what is wrong
-        with the images as a whole.
+        The folder of the images, None if no image is used; the image of each scan, or None; and problems of the images
+        as a whole.
     """
     files = (file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES and file.name[0] != ".")
     names = in_order(list(files), unit)
@@ -155,7 +150,7 @@ def matched_images(
 
 
 def nearest_images(images: Sequence[Path], taken: Array, stamps: Array) -> list[Path | None]:
-    """Of images at rising times (M,) the nearest to each stamp (N,), None beyond half a scan's period."""
+    """Return the image nearest to each stamp (N,), None beyond half a scan period; `taken` (M,) are rising times."""
     after = np.searchsorted(taken, stamps).clip(max=len(taken) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(taken[before] - stamps) <= np.abs(taken[after] - stamps), before, after)
@@ -164,7 +159,7 @@ def nearest_images(images: Sequence[Path], taken: Array, stamps: Array) -> list[
 
 
 def _by_name(images: Sequence[Path], scans: Sequence[Path]) -> list[Path | None]:
-    """The image of each scan's name; where no name agrees, the one with the same single number in it."""
+    """The image with the name of each scan; if no name agrees, the one with the same single number in its name."""
     names = {image.stem: image for image in images}
     found = [names.get(scan.stem) for scan in scans]
     if any(found):
@@ -174,7 +169,7 @@ def _by_name(images: Sequence[Path], scans: Sequence[Path]) -> list[Path | None]
 
 
 def _number(file: Path) -> int | None:
-    """The number in a name, None where there is none, more than one, or a stamp."""
+    """The number in a name; None if there is none, more than one, or a stamp."""
     digits = re.fullmatch(r"[^0-9]*([0-9]{1,9})[^0-9]*", file.stem)
     return int(digits[1]) if digits else None
 
@@ -184,12 +179,12 @@ def _damaged(path: Path, fault: str) -> Problem:
 
 
 def bits_in_use(images: Sequence[Path]) -> int:
-    """How many of 16 bits the brightest pixel of some of a drive's images takes, of `DEPTHS`; 0 for images of 8."""
+    """Return how many of 16 bits are in use, one of `DEPTHS`, by the brightest pixel of some images; 0 for 8 bits."""
     brightest = 0
     for at in np.unique(np.linspace(0, len(images) - 1, SAMPLES).astype(int)):
         with contextlib.suppress(OSError), images[at].open("rb") as file:
             head = file.read(DEPTH_AT + 1)
-            if head.startswith(MARKS[0][0]) and head[DEPTH_AT:] == b"\x10":
+            if head.startswith(PNG) and head[DEPTH_AT:] == b"\x10":
                 import cv2
 
                 image = cv2.imread(str(images[at]), cv2.IMREAD_UNCHANGED)
@@ -202,7 +197,7 @@ def _bits(brightest: int) -> int:
 
 
 def _eight_bits(image: Array, bits: int) -> Array:
-    """An image of 16 bits as one of 8, by the bits that are in use in the drive's, or in this one if these are more."""
+    """An image of 16 bits as one of 8, by the bits in use in the sequence, or in this image if it has more."""
     if image.dtype == np.uint8:
         return image
     return (image >> (max(bits, _bits(int(image.max()))) - 8)).astype(np.uint8)

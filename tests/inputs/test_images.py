@@ -123,7 +123,7 @@ def damaged_images(bench: Bench) -> None:
     inside = frames[3].read_image
     assert isinstance(inside, ImageFile)
     assert inside.problem is not None
-    assert "000003.png: its contents cannot be decoded" in inside.problem.message
+    assert "000003.png: wrong checksum inside" in inside.problem.message
 
 
 def damage_in_a_run(bench: Bench) -> None:

@@ -115,6 +115,15 @@ def test_a_rough_plane_is_less_sharp() -> None:
     assert flat.entropy < rough.entropy
 
 
+def test_sharpness_sees_all_neighbours() -> None:
+    """Two planes 0.4 m apart: each point has neighbours on both."""
+    x, y = (axis.ravel() for axis in np.mgrid[-2:2:0.1, -2:2:0.1])
+    plane = np.column_stack([x, y, np.zeros(x.size)])
+    found = sharpness(np.concatenate([plane, plane + np.array([0, 0, 0.4])]))
+    assert found is not None
+    assert 0.1 < found.thickness_m < 0.2
+
+
 def test_density_is_per_occupied_square() -> None:
     corners = np.array([[0.5, 0.5, 0], [0.6, 0.5, 5], [10.5, 0.5, 0], [10.4, 0.5, 1]])
     figures = figures_of(corners)

@@ -57,6 +57,16 @@ def test_a_run_without_ground_truth(run_folder: Callable[..., Path]) -> None:
     assert (folder / "figures" / "height.png").exists()
 
 
+def test_figures_of_an_earlier_report_are_removed(run_folder: Callable[..., Path]) -> None:
+    folder = run_folder("16", 101.0)
+    (folder / "figures").mkdir()
+    for name in ("image.png", "mine.png"):
+        (folder / "figures" / name).write_bytes(b"of another run")
+    write_report(folder, report_of("Street", {"16": folder}))
+    assert not (folder / "figures" / "image.png").exists()
+    assert (folder / "figures" / "mine.png").exists()  # the user's
+
+
 def test_a_single_pose(tmp_path: Path) -> None:
     page = write_report(tmp_path, Report("One", [Row("mine", Track(np.eye(4)[None]))])).read_text()
     assert "1 frame over 0.0 m" in page
