@@ -53,7 +53,8 @@ def image_of(content: bytes, kind: str, encoding: str) -> Array:
 def _unpacked(data: Array, form: str) -> Array:
     import cv2  # takes a while to import, and a LiDAR alone does not need it
 
-    if fault := fault_inside(data.tobytes()):
+    content = data.tobytes()
+    if fault_of(content[:16], content[-TAIL:]) is None and (fault := fault_inside(content)):
         raise UnreadableError(fault)
     image = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
     if image is None:
