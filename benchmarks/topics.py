@@ -108,12 +108,17 @@ TOPICS = (
     Topic(
         "simulation.scenes_picture", ("docs/scenes.jpg",), 20, pictures=("docs/scenes.jpg",), pages=(), results=False
     ),
+    Topic("sensors.rings", (), 3),
+    Topic("sensors.table", (), 1, pages=("docs/sensors.md",), results=False),
     Topic("inputs.read_speed", (), 2),
     Topic("odometry.frame_rate", KITTI, 30, FAST_PEERS, pictures=_picture("frame_rate")),
     Topic("odometry.paper_chain", (*KITTI, "--town", "{loop}"), 20),
     Topic("odometry.disturbed", (*DISTURBED, "repeated"), 60),
     Topic("odometry.observability", OBSERVED, 60),
     Topic("odometry.scenes", (*SCENES, *INPUTS), 600, FAST_PEERS),
+    Topic(
+        "sensors.sensors", ("--data", "{kitti_odometry_04}/.."), 30, also=("kitti_raw_0005", "kitti_raw_0013"),
+    ),
     Topic("enriched.enriched_odometry", KITTI, 60),
     Topic("enriched.network_odometry", KITTI[:2], 30),
     Topic("enriched.lift_odometry", (*KITTI, *HELD_OUT), 90),

@@ -126,6 +126,7 @@ class Slam:
         found = points_of(np.asarray(points), name)
         if self._columns is UNKNOWN and len(found.xyz):
             self._columns = find_columns([(found, frame.stamp)], self._sensor, None, self._period, name)
+            self._slam.result.problems.extend(self._columns.problems)
             source = self._slam.result.source
             self._slam.result.source = replace(source, point_times=self._columns.times, stamps_from="given")
         cloud, odd = self._columns.cloud(found, frame.stamp, name)

@@ -1,4 +1,4 @@
-"""Which laser a point came from, and what fewer lasers would have seen."""
+"""Rings of points without ring numbers, their distance from laser lines, and times by azimuth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MISFIT_LIMIT = 0.35
 
 
 def recover_rings(xyz: Array) -> tuple[Array, int]:
-    """Rings (N,) int16 of a scan stored ring after ring, and their number, by azimuth wraparound.
+    """Recover the rings of a scan stored ring by ring, from azimuth wraparounds: rings (N,) int16, and their number.
 
     KITTI's velodyne files are in this order: top ring first, each counter-clockwise from +x (forward). A new ring
     starts where the azimuth mod 2 pi falls by more than pi.
@@ -31,12 +31,18 @@ def recover_rings(xyz: Array) -> tuple[Array, int]:
 
 
 def rings_in_file_order(xyz: Array, sensor: Sensor, path: Path) -> tuple[Array | None, tuple[Problem, ...]]:
-    """Rings 0..R-1 of the sensor (N,) int16 of a scan stored ring after ring, top first, and what was wrong with it
-    (`path` names the scan there).
+    """Recover the rings of a scan stored ring by ring, top first, of a known sensor with R rings.
 
-    Where the wraparound does not give R rings, each point takes the ring of a laser line: rings never fall along the
-    file and change at wraparounds, or elsewhere if many points ask for it (two rings without a wraparound between
-    them). None where the points do not lie on the sensor's lines at all.
+    If the wraparounds do not give R rings, each point is assigned to a laser line: rings never decrease along the file,
+    and change at wraparounds, or elsewhere if many points require it (two rings without a wraparound between them).
+
+    Args:
+        xyz: (N, 3) points [m].
+        sensor: The LiDAR.
+        path: Name of the scan in messages.
+
+    Returns:
+        Rings (N,) int16, None if the points do not lie on the sensor's lines at all; and problems of the scan.
     """
     ring, found = recover_rings(xyz)
     if found == sensor.ring_count or found == 0:
@@ -56,27 +62,51 @@ def rings_in_file_order(xyz: Array, sensor: Sensor, path: Path) -> tuple[Array |
 
 
 def _ahead(xyz: Array) -> Array:
-    """(N,) weights: about the 20 degrees ahead, seen at mid-sweep, where motion compensation moved no point off its
-    laser's line; behind, it moves them by up to half a sweep's motion."""
+    """Weights (N,) that select about 20 degrees ahead, seen at mid-sweep.
+
+    There motion compensation moved no point off its laser's line; behind, it moves points by half a sweep's motion.
+    """
     cosine = xyz[:, 0] / np.maximum(np.hypot(xyz[:, 0], xyz[:, 1]), np.float32(1e-3))
     return np.clip(cosine, 0, 1) ** 16
 
 
 def nearest_rings(xyz: Array, sensor: Sensor) -> Array:
-    """(N,) int16: the ring whose laser line passes nearest to each point, for scans in any order."""
+    """Return the ring (N,) int16 whose laser line passes nearest to each point, for scans in any order."""
     return np.asarray(kernels.nearest_lines(xyz, np.tan(sensor.elevation), sensor.offset))
 
 
-def turn_times(xyz: Array, sweep: float, stamp: str = "middle") -> Array:
-    """When each point was seen, (N,) float32 seconds from the scan's stamp, for KITTI's raw scans.
+def line_misfit(xyz: Array, ring: Array, sensor: Sensor) -> Array:
+    """Measure how far points lie off the laser lines of their rings.
 
-    The sensor turns once in `sweep` [s] from the rear over the left and the front to the right. KITTI's stamp is of the
-    middle, when it looks ahead; converters into KITTI's layout may have kept one of the `start` or `end`.
+    Args:
+        xyz: (N, 3) points [m].
+        ring: (N,) their rings.
+        sensor: The LiDAR, with more than one ring.
+
+    Returns:
+        (N,) float64 angle between each point and its line, as a share of the spacing of the lines there. Without any
+        relation to the lines it is spread evenly over 0 to 0.5 if every point takes the nearest line.
+    """
+    spacing = np.abs(np.gradient(sensor.elevation))[ring]
+    elevation = np.arctan2(xyz[:, 2] - sensor.offset[ring], np.hypot(xyz[:, 0], xyz[:, 1]))
+    return np.asarray(np.abs(elevation - sensor.elevation[ring]) / spacing)
+
+
+def turn_times(xyz: Array, sweep: float, stamp: str = "middle") -> Array:
+    """Return the time of each point, (N,) float32 [s] from the scan's stamp, for KITTI's raw scans.
+
+    The sensor turns once per sweep from the rear over the left and the front to the right.
+
+    Args:
+        xyz: (N, 3) points.
+        sweep: Duration of a sweep [s].
+        stamp: Instant of the sweep that the stamp refers to: the middle in KITTI, when the sensor looks ahead; 'start'
+            or 'end' if a converter into KITTI's layout kept another stamp.
     """
     return np.asarray(kernels.turn_times(xyz, sweep, INSTANTS[stamp]))
 
 
 def _runs(numbers: Array) -> list[tuple[int, int]]:
-    """Rising whole numbers (N,), N > 0, as their unbroken runs."""
+    """Unbroken runs of increasing whole numbers (N,), N > 0."""
     parts = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
     return [(int(part[0]), int(part[-1])) for part in parts]

@@ -1,4 +1,4 @@
-"""Points in other axes or units than ours; their rings and times where only their place in the file tells them."""
+"""Conversion of points from other axes and units; rings and times that follow from the position in the file."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.data.point_blocks import Block, Content
 
-#: x, y and z in our axes [m], each as the sum of so much x, y and z of the file, and a number.
+#: x, y and z in our axes [m], each a sum of multiples of the file's x, y and z, and a constant.
 Axes = tuple[tuple[float, float, float, float], ...]
 
 
 @dataclass(frozen=True)
 class PointImage:
-    """An image of points without gaps, one column of it after another, as an Ouster sees them.
+    """An image of points without gaps, stored column by column, as an Ouster records them.
 
     Attributes:
-        rings: Rows of it, top first.
-        columns: Of a turn.
-        turn: Seconds of a turn, from the scan's stamp on.
+        rings: Number of rows, top first.
+        columns: Number of columns in a turn.
+        turn: Duration of a turn [s], which begins at the scan's stamp.
     """
 
     rings: int
@@ -30,7 +30,7 @@ class PointImage:
 
 
 def in_axes(content: Content, axes: Axes) -> Content:
-    """The points in our axes, float64."""
+    """Convert points to our axes, float64."""
 
     def turned() -> Iterator[Block]:
         for block in content.blocks:
@@ -45,7 +45,7 @@ def _sum(row: tuple[float, ...], xyz: list[Array]) -> Array:
 
 
 def with_places(content: Content, image: PointImage) -> Content:
-    """The points with `ring` and `t` [s] by their place in the image; as they are where the image is not whole."""
+    """Add `ring` and `t` [s] by the position in the image; return the points unchanged if the image is incomplete."""
     if content.count != image.rings * image.columns:
         return content
 

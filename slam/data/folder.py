@@ -16,7 +16,7 @@ from slam.data.problem import Problem
 from slam.data.scan_columns import Columns, find_columns
 from slam.data.scan_names import ScanNames, named_scans, stamps_of_names
 from slam.data.scan_sequence import ScanSequence
-from slam.data.sensor import Sensor, conventions_of_folder, nominal_lines, sensor_of_folder
+from slam.data.sensor import Sensor, conventions_of_folder, sensor_of_folder
 from slam.data.time_files import TIME_FILES, read_stamps
 
 
@@ -72,7 +72,7 @@ class UserFolder(ScanSequence):
         scans = replace(scans, stamps=stamps)
         without = "no times.txt" if file is None else f"all times in {file.name} are the same"
         super().__init__(path, path.resolve().name, scans, stamps_from, reading, lasers, said, no_stamps=without)
-        self.problems = (*told, *unusual, *nominal_lines(self.sensor, path), *self.problems)
+        self.problems = (*told, *unusual, *self.problems)
         self._take_cameras()
         self.take_truth(read_ground_truth(path, self.stamps, self.numbers, self.known_times))
 

@@ -19,7 +19,7 @@ from slam.data.files import (
 from slam.data.kitti import KittiSequence, rectified_camera
 from slam.data.pose_files import read_trajectory
 from slam.data.problem import Problem
-from slam.data.sensor import conventions_of_folder, kitti_sensor
+from slam.data.sensor import conventions_of_folder, kitti_sensor, nominal_lines
 from slam.data.stamps import mended, usual_step
 from slam.data.time_files import read_rows
 
@@ -59,7 +59,14 @@ class KittiOdometry(KittiSequence):
         self.stamps, slow = self._read_stamps()
         self.calibration, uncalibrated = self._read_calibration()
         self.ground_truth, untrue = self._read_ground_truth()
-        self.problems = (*self._told, *gaps(self.numbers, path / "velodyne"), *slow, *uncalibrated, *untrue)
+        self.problems = (
+            *nominal_lines(self.sensor),
+            *self._told,
+            *gaps(self.numbers, path / "velodyne"),
+            *slow,
+            *uncalibrated,
+            *untrue,
+        )
 
     def _read_stamps(self) -> tuple[Array, tuple[Problem, ...]]:
         path = self.path / "times.txt"
@@ -85,7 +92,7 @@ class KittiOdometry(KittiSequence):
         if "Tr" not in entries or "P2" not in entries:
             return None, (Problem("no calibration", f"{path}: no 'Tr:' or no 'P2:' in it; the camera is not used"),)
         T_camera0_lidar = matrix(entries, path, "Tr")
-        return rectified_camera(matrix(entries, path, "P2"), T_camera0_lidar), ()
+        return rectified_camera(matrix(entries, path, "P2"), T_camera0_lidar, path), ()
 
     def _read_ground_truth(self) -> tuple[Array | None, tuple[Problem, ...]]:
         path = self.path.parent.parent / "poses" / f"{self.path.name}.txt"

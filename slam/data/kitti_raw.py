@@ -18,7 +18,7 @@ from slam.data.files import (
 )
 from slam.data.kitti import KittiSequence, rectified_camera
 from slam.data.problem import Problem
-from slam.data.sensor import Sensor, conventions_of_folder, kitti_sensor
+from slam.data.sensor import Sensor, conventions_of_folder, kitti_sensor, nominal_lines
 from slam.data.stamps import mended
 from slam.data.time_files import clock_rows, text_lines
 
@@ -53,7 +53,14 @@ class KittiRaw(KittiSequence):
         self.stamps, start, unusual = self._read_stamps()
         self.calibration, uncalibrated = self._read_calibration()
         self.ground_truth, untrue = self._read_ground_truth(start)
-        self.problems = (*self._told, *gaps(self.numbers, path / "velodyne_points"), *unusual, *uncalibrated, *untrue)
+        self.problems = (
+            *nominal_lines(self.sensor),
+            *self._told,
+            *gaps(self.numbers, path / "velodyne_points"),
+            *unusual,
+            *uncalibrated,
+            *untrue,
+        )
 
     def _lasers(self, path: Path, override: str | Path | None) -> Sensor:
         return kitti_sensor(path, override, motion_compensated=False)
@@ -88,7 +95,7 @@ class KittiRaw(KittiSequence):
             return None, (Problem("no calibration", f"{text}; the camera is not used"),)
         entries = read_keyed_numbers(camera)
         rectified = matrix(entries, camera, "R_rect_00") @ matrix(read_keyed_numbers(lidar), lidar, "R", "T")
-        return rectified_camera(matrix(entries, camera, "P_rect_02"), rectified), ()
+        return rectified_camera(matrix(entries, camera, "P_rect_02"), rectified, camera.parent), ()
 
     def _read_ground_truth(self, start: np.datetime64 | None) -> tuple[Array | None, tuple[Problem, ...]]:
         files = files_by_number(self.path / "oxts" / "data", (".txt",))

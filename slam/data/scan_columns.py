@@ -8,19 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.data.beams import nearest_rings, recover_rings
 from slam.data.cloud import Array, PointCloud
 from slam.data.conventions import Conventions
 from slam.data.errors import InputError
 from slam.data.point_files import Points
 from slam.data.point_times import PointTimes, Sample, find_point_times
 from slam.data.problem import Problem
-from slam.data.sensor import Sensor
+from slam.data.scan_rings import MANY, ring_numbers, rings_by_lines, rings_of_numbers, wrong_lines
+from slam.data.sensor import Sensor, nominal_lines
 
 SAMPLES = 8  # scans with points that are examined
-MOST_RINGS = 1024  # of an unknown sensor
-COUNTS = (16, 32, 40, 64, 128)  # numbers of rings of LiDARs
-MANY = 0.05  # share of the points; if more have an impossible ring, the field is no ring number at all
 USUAL_INTENSITY = 255.0  # largest value of most drivers
 BRIGHT = 99.0  # percentile of the intensities that becomes 1, if values exceed USUAL_INTENSITY
 
@@ -87,8 +84,7 @@ class Columns:
             return None, None, ()
         if self.ring_of is None or points.ring is None:
             return (rings_by_lines(points.xyz, self.sensor) if self.sensor else None), None, ()
-        number = _whole(points.ring, len(self.ring_of))
-        ring = np.where(number < 0, -1, self.ring_of[number])
+        ring = rings_of_numbers(points.ring, self.ring_of)
         bad = ring < 0
         if not bad.any():
             return ring, None, ()
@@ -131,27 +127,12 @@ def find_columns(
     if compensated or (sensor is not None and sensor.motion_compensated):
         times = PointTimes(why="the scans are motion-compensated already", sweep=times.sweep, stamp=times.stamp)
     found = [points for points, _ in scans]
-    ring_of, problems = _ring_numbers(found, sensor, where)
+    ring_of, problems = ring_numbers(found, sensor, where)
     rings = sensor.ring_count if sensor else None if ring_of is None else int(ring_of.max()) + 1
+    if sensor and not (compensated or sensor.motion_compensated):
+        problems += wrong_lines(found, ring_of, sensor, where)
+    problems = (*nominal_lines(sensor), *problems)
     return Columns(times, said.full_intensity or _full_intensity(found), ring_of, sensor, rings, problems)
-
-
-def usual_rings(highest: int) -> int:
-    """Return the number of rings of an existing LiDAR whose `highest` ring number seen, from 0, is given.
-
-    The uppermost rings often have no returns, since they see the sky only.
-    """
-    return next((count for count in COUNTS if count > highest), 1 << highest.bit_length())
-
-
-def rings_by_lines(xyz: Array, sensor: Sensor) -> Array:
-    """Assign points to rings (N,) int16.
-
-    For scans in KITTI's order the result is exact, also after motion compensation, which moves points off their laser
-    lines; other points are assigned to the nearest line.
-    """
-    ring, found = recover_rings(xyz)
-    return ring if found == sensor.ring_count else nearest_rings(xyz, sensor)
 
 
 def _full_intensity(scans: Sequence[Points]) -> float:
@@ -164,66 +145,3 @@ def _full_intensity(scans: Sequence[Points]) -> float:
     if most <= 1:
         return 1.0
     return USUAL_INTENSITY if most <= USUAL_INTENSITY else max(float(np.percentile(values, BRIGHT)), USUAL_INTENSITY)
-
-
-def _whole(ring: Array, count: int) -> Array:
-    """Return ring numbers as (N,) int64, -1 for values that are not one of 0 .. count - 1."""
-    with np.errstate(invalid="ignore"):
-        sound = np.isfinite(ring) & (ring >= 0) & (ring < count) & (ring == np.floor(ring))
-    return np.where(sound, np.where(sound, ring, 0).astype(np.int64), -1)
-
-
-def _ring_numbers(
-    scans: Sequence[Points], sensor: Sensor | None, where: object
-) -> tuple[Array | None, tuple[Problem, ...]]:
-    """Estimate the ring of each ring number in the files, (K,); None if the files have no rings."""
-    found = [(points.xyz, _whole(points.ring, MOST_RINGS)) for points in scans if points.ring is not None]
-    if not found:
-        return None, ()
-    lowest, highest = (int(np.median([edge(ring) for _, ring in found])) for edge in (np.min, np.max))
-    from_one = lowest >= 1 and highest in ((sensor.ring_count,) if sensor else COUNTS)
-    count = sensor.ring_count if sensor else usual_rings(max(highest - from_one, 0))
-    wrong = [(ring - from_one < 0) | (ring - from_one >= count) for _, ring in found]
-    if np.median([np.mean(each) for each in wrong]) > MANY:
-        text = (
-            f"{where}: rings {lowest} to {highest}" if highest >= 0 else f"{where}: its ring field has no ring numbers"
-        )
-        if sensor:
-            limit = f"the sensor {sensor.name} has {count}"
-            raise InputError(f"{text}, but {limit}; name the right one with --sensor")
-        return None, (
-            Problem("ring unknown", f"{text}, but only 0 to {MOST_RINGS - 1} are possible; the scans have no rings"),
-        )
-    sound = [(xyz[~bad], ring[~bad] - from_one) for (xyz, ring), bad in zip(found, wrong, strict=True)]
-    xyz, numbers = (np.concatenate(column) for column in zip(*sound, strict=True))
-    ring_of = _from_top(xyz, numbers, count, sensor)
-    return np.concatenate([[-1], ring_of]) if from_one else ring_of, ()
-
-
-def _from_top(xyz: Array, numbers: Array, count: int, sensor: Sensor | None) -> Array:
-    """Estimate the ring (count,), 0 on top, of each number 0 .. count - 1.
-
-    Velodyne's drivers count from the bottom, others from the top; numbers in the firing order of the lasers alternate.
-    """
-    slope = xyz[:, 2] / np.maximum(np.hypot(xyz[:, 0], xyz[:, 1]), 1e-3)
-    present = np.unique(numbers)
-    heights = np.array([np.median(slope[numbers == number]) for number in present])
-    down, up = np.arange(count), np.arange(count)[::-1]
-    trend = float(np.mean((present - present.mean()) * (heights - heights.mean())))
-    straight = up if trend > 0 else down
-    order = present[np.argsort(-heights, kind="stable")]
-    if len(present) < 4 or _share_in_order(straight[order]) > 0.8:
-        return straight
-    if sensor is None:
-        return np.concatenate([order, np.setdiff1d(down, order)]).argsort()
-    lines, fired = nearest_rings(xyz, sensor), np.full(count, -1)
-    fired[present] = [np.bincount(lines[numbers == number], minlength=count).argmax() for number in present]
-    unique = len(np.unique(fired[present])) == len(present)
-    missing = np.setdiff1d(down, fired[present])
-    fired[fired < 0] = missing[: int((fired < 0).sum())]
-    return fired if unique else straight
-
-
-def _share_in_order(rings: Array) -> float:
-    """Return the share of consecutive rings that are in order, from the top down."""
-    return float(np.mean(np.diff(rings) > 0)) if len(rings) > 1 else 1.0

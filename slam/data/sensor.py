@@ -1,4 +1,4 @@
-"""LiDARs as the lines that their lasers see along."""
+"""LiDARs, described by the lines along which their lasers see."""
 
 from __future__ import annotations
 
@@ -25,12 +25,15 @@ NEEDED = f"'model' (one of {', '.join(SENSORS.names())}) or 'beams' is needed"
 class Sensor:
     """A spinning LiDAR with R lasers; laser k, ring 0 = top, sees along z = tan(elevation[k]) * rho + offset[k].
 
-    elevation            (R,) float64, radians
-    offset               (R,) float64, metres: the height of the laser above the sensor's origin
-    vertical_correction  angle [rad] that every elevation has to be raised by before registration (`correct_vertical`)
-    motion_compensated   its scans have been deskewed by their maker and must not be deskewed again
-    azimuth              (R,) float64, radians: what the laser sees is so far to the left of where the head points
-    nominal              its lines are the design's or another unit's, where each unit has a calibration of its own
+    Attributes:
+        name: Name of the LiDAR.
+        elevation: (R,) float64 [rad].
+        offset: (R,) float64, height of each laser above the sensor's origin [m].
+        vertical_correction: Angle [rad] that is added to every elevation before registration (`correct_vertical`).
+        motion_compensated: Whether its scans were deskewed by their maker, and must not be deskewed again.
+        azimuth: (R,) float64 [rad], angle to the left between the direction of the head and that of the laser.
+        nominal: Whether the lines are the design's or another unit's, while each unit has a calibration of its own.
+        source: Source of the lines.
     """
 
     name: str
@@ -40,6 +43,7 @@ class Sensor:
     motion_compensated: bool = False
     azimuth: Array = field(default=None, repr=False)  # type: ignore[arg-type]  # zeros, filled in below
     nominal: bool = False
+    source: str = ""
 
     def __post_init__(self) -> None:
         if self.azimuth is None:
@@ -49,23 +53,25 @@ class Sensor:
 
     @property
     def ring_count(self) -> int:
-        """R, the number of lasers."""
+        """Number of lasers R."""
         return len(self.elevation)
 
     def only(self, rings: Array) -> Sensor:
-        """The same with some of its lasers: (K,) int or (R,) bool."""
+        """Return the LiDAR with some of its lasers: indices (K,) or a mask (R,)."""
         lines = {name: getattr(self, name)[rings] for name in ("elevation", "offset", "azimuth")}
         return replace(self, **lines)
 
 
 def load_sensor(name_or_file: str | Path) -> Sensor:
-    """The built-in sensor of that name (one of SENSORS), or the one that a file describes: an Ouster's metadata
-    (.json), or YAML.
+    """Load a built-in LiDAR, or one that a file describes.
 
-    Keys of YAML: `model`, a built-in name or, with `beams`, any; `beams`, a list of [elevation_deg, offset_m] or
-    [elevation_deg, offset_m, azimuth_deg], top first; `vertical_correction_deg`; `motion_compensated`; and those that
-    say how its scans are read, see `Conventions`. Raises InputError on an unknown name or key, with the nearest right
-    one, and on values that make no sense.
+    Args:
+        name_or_file: One of SENSORS; an Ouster's metadata (.json); or a YAML file with the keys `model`, a built-in
+            name or, with `beams`, any; `beams`, a list of [elevation_deg, offset_m] or [elevation_deg, offset_m,
+            azimuth_deg], top first; `vertical_correction_deg`; `motion_compensated`; and those of `Conventions`.
+
+    Raises:
+        InputError: A name or a key is unknown (the message has the most similar one), or a value is invalid.
     """
     if not is_sensor_file(name_or_file):
         return _built_in(str(name_or_file), "")
@@ -80,7 +86,7 @@ def load_sensor(name_or_file: str | Path) -> Sensor:
 
 
 def is_sensor_file(name_or_file: str | Path) -> bool:
-    """Whether that is a file that describes a sensor, not the name of a built-in one."""
+    """Check whether this is a file that describes a sensor, not the name of a built-in one."""
     path = Path(name_or_file)
     return path.suffix.lower() in (".yaml", ".yml", ".json") or path.is_file()
 
@@ -95,10 +101,10 @@ def _built_in(name: str, where: str) -> Sensor:
 
 
 def _spellings(name: str) -> list[str]:
-    """As it stands, and without what belongs to the maker's full name: 'Velodyne HDL-64E', 'PandarXT-32'."""
+    """The name as it stands, and without parts of a full name: 'Velodyne HDL-64E', 'PandarXT-32', 'RS-LiDAR-16'."""
     key = _bare(name)
     for maker in MAKERS:
-        key = key.removeprefix(maker)
+        key = key.removeprefix(maker).replace("lidar", "")
     return [found.removesuffix("e") for found in (_bare(name), key, key.removeprefix("pandar"), f"rs{key}")]
 
 
@@ -107,7 +113,7 @@ def _bare(name: str) -> str:
 
 
 def _from_file(path: Path) -> Sensor | None:
-    """None where it says only how scans are read."""
+    """The sensor of a YAML file, None if the file has only keys of `Conventions`."""
     content = read_mapping(path, KEYS)
     if content and not set(content) - set(conventions.KEYS):
         return None
@@ -132,14 +138,20 @@ def _from_beams(path: Path, name: str, rows: Any) -> Sensor:
         form = "[elevation_deg, offset_m] or [elevation_deg, offset_m, azimuth_deg]"
         raise InputError(f"{path}: 'beams' are {form}, top first, falling, within 90 deg")
     azimuth = np.deg2rad(beams[:, 2]) if staggered else np.zeros(len(beams))
-    return Sensor(name, np.deg2rad(beams[:, 0]), beams[:, 1], azimuth=azimuth)
+    return Sensor(name, np.deg2rad(beams[:, 0]), beams[:, 1], azimuth=azimuth, source=path.name)
 
 
 def sensor_of_folder(folder: Path, override: str | Path | None, default: Sensor | None = None) -> Sensor | None:
-    """The sensor of a data set: its folder's sensor.yaml, else `default`, unless `override` says otherwise.
+    """Return the sensor of a data set: that of its sensor.yaml, else `default`, None if unknown.
 
-    A file overrides all of it; a built-in name says which lasers there are, and the folder whether the scans are
-    motion-compensated. A vertical correction is that of one sensor, and stays with another of its name only.
+    Args:
+        folder: The folder of the data set.
+        override: A file replaces the sensor. A built-in name replaces the laser lines only: the folder says whether the
+            scans are motion-compensated, and its vertical correction stays if the name is that of its own sensor.
+        default: The sensor without sensor.yaml.
+
+    Raises:
+        InputError: As `load_sensor`.
     """
     path = folder / "sensor.yaml"
     own = (_from_file(path) if path.is_file() else None) or default
@@ -152,29 +164,41 @@ def sensor_of_folder(folder: Path, override: str | Path | None, default: Sensor 
     return replace(sensor, vertical_correction=correction, motion_compensated=own.motion_compensated)
 
 
-def nominal_lines(sensor: Sensor | None, path: Path) -> tuple[Problem, ...]:
-    """A Problem where the laser lines of a data set at `path` are not those of the very sensor."""
+def nominal_lines(sensor: Sensor | None) -> tuple[Problem, ...]:
+    """Return a Problem if the laser lines of a LiDAR are nominal."""
     if sensor is None or not sensor.nominal:
         return ()
-    remedy = "lidarlift fit-lasers finds them from a drive"
+    remedy = "lidarlift fit-lasers estimates them from raw scans"
     if sensor.name.startswith("os"):
         remedy = f"name the metadata that its tools write with a recording (--sensor FILE.json), or {remedy}"
-    text = f"{path}: the laser lines of {sensor.name} are nominal, and each has lines of its own: {remedy}"
+    text = f"the laser lines of {sensor.name} are nominal, and each unit has lines of its own: {remedy}"
     return (Problem("nominal laser lines", text),)
 
 
 def conventions_of_folder(folder: Path, override: str | Path | None) -> Conventions:
-    """How the scans of a data set are to be read: what its sensor.yaml says, and the file `override` before that."""
+    """Return how the scans of a data set are to be read: by its sensor.yaml, and with precedence by a file `override`.
+
+    Raises:
+        InputError: A file has wrong keys or values.
+    """
     said = [Path(override)] if override is not None and is_sensor_file(override) else []
     files = [folder / "sensor.yaml", *(path for path in said if path.suffix.lower() != ".json")]
     return read_conventions([path for path in files if path.is_file()], KEYS)
 
 
 def kitti_sensor(folder: Path, override: str | Path | None, motion_compensated: bool) -> Sensor:
-    """The same for a KITTI folder, by default the HDL-64E as KITTI ran it.
+    """Return the sensor of a folder in KITTI's layout, by default the HDL-64E as KITTI ran it. See `sensor_of_folder`.
 
-    Its elevations are 0.205 deg too low (Deschaud, "IMLS-SLAM", ICRA 2018; the value is KISS-ICP's). Another LiDAR in
-    KITTI's layout, as converters write it, has no such error.
+    The elevations of KITTI's HDL-64E are 0.205 deg too low (Deschaud, "IMLS-SLAM", ICRA 2018; the value is KISS-ICP's).
+    Another LiDAR in KITTI's layout, as converters write it, has no such error.
+
+    Args:
+        folder: The folder.
+        override: As in `sensor_of_folder`.
+        motion_compensated: Whether the scans of this kind of folder are motion-compensated.
+
+    Raises:
+        InputError: As `load_sensor`.
     """
     correction = float(np.deg2rad(0.205))
     kitti = replace(load_sensor("hdl64"), vertical_correction=correction, motion_compensated=motion_compensated)

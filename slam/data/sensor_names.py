@@ -1,4 +1,4 @@
-"""The LiDARs that are built in, by name."""
+"""Registry of the built-in LiDARs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slam.data.registry import Registry
 if TYPE_CHECKING:
     from slam.data.sensor import Sensor
 
-#: Each a function without arguments.
+#: Factories without arguments.
 SENSORS: Registry[Sensor] = Registry(
     "sensor",
     {

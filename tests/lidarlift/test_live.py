@@ -54,6 +54,14 @@ def test_rings_are_derived_from_the_laser_lines(street_scans: list[Array], stree
     assert off(run.poses, street_poses).max() < 0.2
 
 
+def test_another_lidar_than_the_named_one_is_reported_once(street_scans: list[Array]) -> None:
+    with lidarlift.Slam(sensor="os1-64") as slam:
+        for number in range(3):
+            slam.add(np.roll(street_scans[number], 1, axis=0), 0.1 * number)  # no longer ring by ring
+        counts = slam.finish().counts()
+    assert (counts["nominal_laser_lines"], counts["laser_lines"]) == (1, 1)
+
+
 def test_structured_arrays_of_drivers_are_read(street_scans: list[Array]) -> None:
     scan = street_scans[0]
     fields = np.zeros(len(scan), [("x", "f4"), ("y", "f4"), ("z", "f4"), ("reflectivity", "u1"), ("ring", "u2")])

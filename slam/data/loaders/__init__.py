@@ -1,1 +1,1 @@
-"""Loaders of data sets that many use, a module each."""
+"""Loaders of public data sets, a module each."""

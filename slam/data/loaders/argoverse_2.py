@@ -23,17 +23,18 @@ POSE = ("qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
 class Argoverse2(StampedSequence):
     """`sensors/lidar/<ns>.feather` of one log, with `calibration/`, `city_SE3_egovehicle.feather` and the front camera.
 
-    A scan is what both LiDARs saw, in the car's frame, its motion compensated to the stamp, the start of the sweep
-    (av2-api, datasets/sensor/README.md and issue 204): there are no times, and no rings, since each has its own. Points
-    and truth are moved into the frame of the upper LiDAR. The camera is ring_front_center, whose images are delivered
-    without distortion, matched by time. Other cameras, annotations and maps are not read. Feather files take pyarrow.
+    A scan combines both LiDARs, in the car's frame, with the motion compensated to the stamp, the start of the sweep
+    (av2-api, datasets/sensor/README.md and issue 204): there are no times, and no rings, since each LiDAR has its own.
+    Points and ground truth are moved into the frame of the upper LiDAR. The camera is ring_front_center, whose images
+    are delivered without distortion, matched by time. Other cameras, annotations and maps are not read. Feather files
+    require pyarrow.
     """
 
     LAYOUT = "Argoverse 2 (sensors/lidar/*.feather)"
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The logs at or under a path, or in its splits, by their names. See `Loader`."""
+        """Find the logs at or below a path, or in its splits, by their names. See `Loader`."""
         for pattern in (".", "*", "*/*"):
             folders = [folder.parent.parent for folder in sorted(path.glob(f"{pattern}/sensors/lidar"))]
             found = {folder.name: folder for folder in folders if any((folder / "sensors/lidar").glob("*.feather"))}
@@ -72,7 +73,7 @@ class Argoverse2(StampedSequence):
 
 
 def _sensor_poses(path: Path) -> dict[str, Array]:
-    """(4, 4) of each sensor in the car's frame; none where the file is missing."""
+    """Return the pose (4, 4) of each sensor in the car's frame; none if the file is missing."""
     file = path / "calibration" / "egovehicle_SE3_sensor.feather"
     if not file.is_file():
         return {}

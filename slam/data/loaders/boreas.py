@@ -15,7 +15,7 @@ from slam.data.pose_table import read_pose_table
 from slam.data.problem import Problem
 from slam.data.sensor import load_sensor
 
-#: Its rotations are made of elementary ones that turn the axes, not the vectors (pyboreas, utils/utils.py).
+#: Columns of the ground truth; its elementary rotations turn the axes, not the vectors (pyboreas, utils/utils.py).
 TRUTH = (
     *("GPSTime", "easting", "northing", "altitude", "vel_east", "vel_north", "vel_up"),
     *("roll", "pitch", "heading", "angvel_z", "angvel_y", "angvel_x"),
@@ -25,16 +25,17 @@ TRUTH = (
 class Boreas(StampedSequence):
     """`lidar/<us>.bin`, `applanix/lidar_poses.csv`, `camera/<us>.png` and `calib/` of one sequence.
 
-    A point is x y z intensity laser time, float32, with seconds from the stamp (pyboreas, utils/utils.py); which
-    instant that is, these times tell. The truth is the LiDAR's own; test sequences have none. x is not forward, for the
-    LiDAR is mounted turned. Images are rectified, and matched by time. Radar, Aeva and IMU are not read.
+    A point is x y z intensity laser time, float32, with seconds from the stamp (pyboreas, utils/utils.py); the times
+    show which instant of the sweep the stamp refers to. The ground truth is the LiDAR's own; test sequences have none.
+    x is not forward, since the LiDAR is mounted turned. Images are rectified, and matched by time. Radar, Aeva and IMU
+    are not read.
     """
 
     LAYOUT = "Boreas (lidar/*.bin beside applanix/)"
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The sequences at or under a path by their names. See `Loader`."""
+        """Find the sequences at or below a path by their names. See `Loader`."""
         found = folders_with(path, "lidar/*.bin")
         return {name: folder for name, folder in found.items() if (folder / "applanix").is_dir()}
 

@@ -1,4 +1,4 @@
-"""What the loaders of stamped scans share: where drives are, how they are opened, poses out of tables."""
+"""Shared by the loaders of stamped scans: search for sequences, opening of scans, poses from tables."""
 
 from __future__ import annotations
 
@@ -21,12 +21,16 @@ from slam.data.scan_names import in_order, stamps_of_names
 from slam.data.scan_sequence import ScanSequence
 from slam.data.sensor import Sensor, conventions_of_folder, sensor_of_folder
 
-#: Coordinates of scans in the sensor's own frame.
+#: Offset of coordinates that are in the sensor's own frame.
 HERE = (0.0, 0.0, 0.0)
 
 
 def folders_with(path: Path, *insides: str) -> dict[str, Path]:
-    """The folder itself, or those in it, that have one of `insides`, files by a pattern; by their names."""
+    """Find folders with files that match one of the patterns `insides`: the folder itself, or else its subfolders.
+
+    Returns:
+        The folders by their names.
+    """
     for folders in ([path], sorted(folder for folder in path.glob("*") if folder.is_dir())):
         found = {folder.name: folder for folder in folders if any(any(folder.glob(inside)) for inside in insides)}
         if found:
@@ -35,21 +39,21 @@ def folders_with(path: Path, *insides: str) -> dict[str, Path]:
 
 
 class StampedSequence(ScanSequence):
-    """Scans in a folder of a drive, named by their stamps, of a LiDAR that is known.
+    """A sequence whose scans are files named by their stamps.
 
     Args:
-        path: The drive's folder.
-        name: For tables and run.json.
-        scans: The folder of the scans.
-        suffix: Of their files.
-        unit: Of the stamps that are their names, 'us' or 'ns'; None where these are built otherwise.
+        path: Folder of the sequence.
+        name: Name for tables and run.json.
+        scans: Folder of the scans.
+        suffix: Suffix of the scans' files.
+        unit: Unit of the stamps in their names, 'us' or 'ns'; None for names of another form.
         reading: How the files are read.
-        default: The LiDAR, None where its lines are unknown; sensor.yaml in `path` and
-        sensor: override it (see `load_sensor`).
-        instant: Of the sweep, that the stamps belong to, where that is known; sensor.yaml and
-        stamp: override it.
-        point_time: The field with the points' times, where the user names one.
-        compensated: Whether the scans' maker has taken the motion within a sweep out of them.
+        default: The LiDAR, None if its laser lines are unknown; overridden by sensor.yaml in `path`.
+        sensor: Overrides the LiDAR (see `load_sensor`).
+        instant: Instant of the sweep that the stamps refer to, if known; overridden by sensor.yaml.
+        stamp: Overrides the instant.
+        point_time: Field with the points' times, if the user names one.
+        compensated: The data set's makers deskewed the scans.
 
     Raises:
         InputError: There are no scans, or none of the first can be read.
@@ -94,21 +98,32 @@ class StampedSequence(ScanSequence):
         self.note(*mended)
 
     def take_trajectory(self, file: Path, trajectory: Trajectory, T_body_lidar: Array | None = None) -> None:
-        """The truth of poses of a body from `file`, and the LiDAR on it, T_body_lidar (4, 4)."""
+        """Take the ground truth from a trajectory of a body.
+
+        Args:
+            file: File of the trajectory, for messages.
+            trajectory: Poses of the body.
+            T_body_lidar: (4, 4) pose of the LiDAR on the body; None: the body is the LiDAR.
+        """
         if T_body_lidar is not None:
             trajectory = replace(trajectory, poses=trajectory.poses @ T_body_lidar)
         self.take_truth(truth_of(file, trajectory, self.stamps, self.numbers, self.known_times))
 
     def without_truth(self, text: str) -> None:
-        """That there is no truth, and why."""
-        self.take_truth(GroundTruth(problems=(Problem("no ground truth", f"{text}; there is no truth"),)))
+        """Note that there is no ground truth, and why."""
+        self.take_truth(GroundTruth(problems=(Problem("no ground truth", f"{text}; there is no ground truth"),)))
 
 
 def angle_trajectory(file: Path, columns: tuple[str, ...], inverse: bool = False) -> Trajectory:
-    """The poses of a table whose `columns` begin with the stamp [us], x, y and z [m], and have roll, pitch and heading
-    [rad] among them, which turn about x, y and then z, or the `inverse` of that. A row with NaN is no pose.
+    """Read poses from a table with roll, pitch and heading, which turn about x, y and then z.
 
-    Raises InputError where the table has other columns.
+    Args:
+        file: The table; a row with NaN is an unknown pose.
+        columns: Names of its columns: the stamp [us], x, y and z [m] first, and roll, pitch and heading [rad].
+        inverse: The angles describe the inverse rotation.
+
+    Raises:
+        InputError: The table has another number of columns.
     """
     table = read_pose_table(file)
     if table.values.shape[1] != len(columns):
@@ -122,12 +137,12 @@ def angle_trajectory(file: Path, columns: tuple[str, ...], inverse: bool = False
 
 
 def poses_of(positions: Array, rotation: Rotation) -> Array:
-    """(N, 4, 4) of positions (N, 3) [m] and N rotations."""
+    """Return the poses (N, 4, 4) of positions (N, 3) [m] and N rotations."""
     poses = np.tile(np.eye(4), (len(positions), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = rotation.as_matrix(), positions
     return poses
 
 
 def pose(x: float, y: float, z: float, rotation: Rotation) -> Array:
-    """(4, 4) of a position [m] and a rotation."""
+    """Return the pose (4, 4) of a position [m] and a rotation."""
     return np.asarray(poses_of(np.array([[x, y, z]]), Rotation.concatenate([rotation]))[0])

@@ -11,30 +11,31 @@ from slam.data.point_files import Reading
 from slam.data.pose_files import read_trajectory
 from slam.data.sensor import load_sensor
 
-#: A point of each LiDAR, by the data set's own player (github.com/minwoo0611/HeLiPR-File-Player, src/ROSThread.cpp).
-#: `t` are ns from the stamp, Velodyne's seconds. Lines of Avia and Aeva are no rings.
+#: Columns of each LiDAR, from the data set's own player (github.com/minwoo0611/HeLiPR-File-Player, src/ROSThread.cpp).
+#: `t` is in ns from the stamp, Velodyne's time in seconds. Line numbers of Avia and Aeva are not rings.
 POINTS = {
     "Ouster": "x,y,z,intensity,t:u4,reflectivity:u2,ring:u2,ambient:u2",
     "Velodyne": "x,y,z,intensity,ring:u2,time",
     "Avia": "x,y,z,intensity:u1,_:u1,_:u1,t:u4",
     "Aeva": "x,y,z,reflectivity,_,t:i4,_:u1,intensity",
 }
-#: Scans of the Aeva up to this stamp [ns] have no intensity of their own behind the rest.
+#: Scans of the Aeva up to this stamp [ns] have no last column.
 AEVA_WITHOUT_INTENSITY = 1691936557946849179
 
 
 class Helipr(StampedSequence):
     """`LiDAR/<Ouster | Velodyne | Avia | Aeva>/<ns>.bin` of one sequence, and `LiDAR_GT/<sensor>_gt.txt`.
 
-    A drive is what one LiDAR saw: Ouster OS2-128, Velodyne VLP-16, Livox Avia or Aeva Aeries II. The truth is TUM's
-    (ns x y z qx qy qz qw), of that LiDAR itself. Inertial, IMU and GPS data are not read.
+    A sequence has one LiDAR: Ouster OS2-128, Velodyne VLP-16, Livox Avia or Aeva Aeries II. The laser lines of the
+    Ouster's unit are not known, so that it is not enriched; Avia and Aeva have no rings. The ground truth is in TUM's
+    form (ns x y z qx qy qz qw), of that LiDAR itself. Inertial, IMU and GPS data are not read.
     """
 
     LAYOUT = f"HeLiPR (LiDAR/<{' | '.join(POINTS)}>/*.bin)"
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The LiDARs of a sequence by their names, or those of the sequences under a path: 'Town01/Ouster'."""
+        """Find the LiDARs of a sequence by their names, or those of the sequences below a path: 'Town01/Ouster'."""
         if path.name in POINTS and path.parent.name == "LiDAR":
             return {path.name: path}
         own = {name: path / "LiDAR" / name for name in POINTS if any((path / "LiDAR" / name).glob("*.bin"))}

@@ -24,8 +24,8 @@ SCANS = "data_3d_raw"
 class Kitti360(KittiRaw):
     """`data_3d_raw/<drive>/velodyne_points/` of a drive, and `data_poses/`, `calibration/`, `data_2d_raw/` of its root.
 
-    Scans are as KITTI's raw ones: as the sensor swept them, their stamps in timestamps.txt, of the middle. The truth,
-    poses.txt, has the number of a frame before 3 x 4 of the IMU, and only frames where the car moved: it is moved into
+    Scans are not motion-compensated, as KITTI's raw ones; stamps in timestamps.txt refer to mid-sweep. The ground
+    truth, poses.txt, has the frame's number and 3 x 4 of the IMU, for frames in which the car moved; it is moved into
     the LiDAR by calib_cam_to_pose.txt and calib_cam_to_velo.txt. The camera is image_00, rectified (data_rect). Fisheye
     cameras, the SICK scanner and OXTS are not read.
     """
@@ -35,7 +35,7 @@ class Kitti360(KittiRaw):
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The drives of a root, its data_3d_raw, or one of these, by their names. See `Loader`."""
+        """Find the sequences of a root, of its data_3d_raw, or one of these, by their names. See `Loader`."""
         if path.parent.name == SCANS:
             return {path.name: path} if (path / "velodyne_points" / "data").is_dir() else {}
         root = path if path.name == SCANS else path / SCANS
@@ -81,7 +81,7 @@ class Kitti360(KittiRaw):
 
 
 def _rigid(file: Path) -> Array:
-    """(4, 4) of a file with a 3x4 matrix in one line."""
+    """Read a matrix (4, 4) from a file with a 3x4 matrix on one line."""
     values = read_pose_table(file).values
     if values.size != 12 or not np.isfinite(values).all():
         raise InputError(f"{file}: 12 numbers are needed, a 3x4 matrix; copy the file afresh")

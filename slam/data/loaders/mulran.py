@@ -19,18 +19,19 @@ T_BASE_LIDAR = pose(1.7042, -0.021, 1.8047, Rotation.from_euler("xyz", [0.0001, 
 class MulRan(StampedSequence):
     """`Ouster/<ns>.bin` (or `sensor_data/Ouster/`) and `global_pose.csv` of one sequence.
 
-    Points are x y z intensity, float32, all 64 x 1024 of a turn, column after column: so rings are the place modulo 64
-    (the data set's own player, github.com/RPM-Robotics-Lab/file_player_mulran, src/ROSThread.cpp) and times follow from
-    the column, from the stamp on, as Ouster's driver has it. A scan with fewer points has neither. The LiDAR looks
-    backwards: its x axis points to the car's rear, and so do the truth's. Its lines are those of the first generation,
-    which no table has. global_pose.csv has ns and 3 x 4 of the car's base. Radar, IMU and GPS are not read.
+    Points are x y z intensity, float32, all 64 x 1024 of a turn, column by column: rings are the position modulo 64
+    (the data set's own player, github.com/RPM-Robotics-Lab/file_player_mulran, src/ROSThread.cpp), and times follow
+    from the column, counted from the stamp, as in Ouster's driver. A scan with fewer points has neither. The LiDAR is
+    mounted backwards: its x axis, and that of the ground truth, points to the car's rear. Its laser lines are those of
+    the first generation, which no built-in table has. global_pose.csv has ns and 3 x 4 of the car's base. Radar, IMU
+    and GPS are not read.
     """
 
     LAYOUT = "MulRan (Ouster/*.bin beside global_pose.csv)"
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The sequences at or under a path by their names. See `Loader`."""
+        """Find the sequences at or below a path by their names. See `Loader`."""
         found = folders_with(path, "Ouster/*.bin", "sensor_data/Ouster/*.bin")
         marks = ("global_pose.csv", "data_stamp.csv", "sensor_data")
         return {name: folder for name, folder in found.items() if any((folder / mark).exists() for mark in marks)}

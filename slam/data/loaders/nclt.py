@@ -10,8 +10,8 @@ from slam.data.bin_layout import parsed_columns
 from slam.data.loaders.common import HERE, StampedSequence, angle_trajectory, folders_with
 from slam.data.point_files import Reading
 
-STEP, LEAST = 0.005, -100.0  # m: of the whole numbers in velodyne_sync (NCLT's read_vel_sync.py)
-#: x forward, y right, z down, in files and truth, into ours.
+STEP, LEAST = 0.005, -100.0  # m: step and lowest value of the integers in velodyne_sync (NCLT's read_vel_sync.py)
+#: From the axes of files and ground truth, x forward, y right, z down, into ours.
 AXES = ((STEP, 0.0, 0.0, LEAST), (0.0, -STEP, 0.0, -LEAST), (0.0, 0.0, -STEP, -LEAST))
 TRUTH = ("utime", "x", "y", "z", "roll", "pitch", "heading")
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -20,17 +20,17 @@ FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 class Nclt(StampedSequence):
     """`velodyne_sync/<us>.bin` of one day, and `groundtruth_<day>.csv` in it, beside it or in `ground_truth/`.
 
-    A point is x y z as uint16, intensity and laser as uint8. The scans are turned into the robot's body frame, and
-    their maker has compensated its motion by wheel odometry: there are no times, and rings are those of the lasers, but
-    points lie off their lines. The truth (us x y z roll pitch heading, NaN at the beginning) is the body's, too. Images
-    and velodyne_hits.bin are not read.
+    A point is x y z as uint16, intensity and laser as uint8. The data set's makers transformed the scans into the
+    robot's body frame and compensated the motion by wheel odometry: there are no times, and points lie off the laser
+    lines. The ground truth (us x y z roll pitch heading, NaN at the beginning) is that of the body, too. Images and
+    velodyne_hits.bin are not read.
     """
 
     LAYOUT = "NCLT (velodyne_sync/*.bin)"
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The days at or under a path by their names. See `Loader`."""
+        """Find the days at or below a path by their names. See `Loader`."""
         return folders_with(path, "velodyne_sync/*.bin")
 
     def __init__(

@@ -14,23 +14,23 @@ from slam.data.pose_files import Trajectory
 from slam.data.pose_table import read_pose_table
 
 PLACES = ("raw_format/ouster_scan", "ouster_scan")
-#: The LiDAR in the frame of the truth, by pyLiDAR-SLAM's and KISS-ICP's loaders: metres, and a quaternion, w last.
+#: The LiDAR in the frame of the ground truth, from pyLiDAR-SLAM's and KISS-ICP's loaders: metres, quaternion w last.
 T_BASE_LIDAR = pose(-0.084, -0.025, 0.050, Rotation.from_quat([0.0, 0.0, 0.924, 0.383]))
 
 
 class NewerCollege(StampedSequence):
     """`raw_format/ouster_scan/cloud_<s>_<ns>.pcd` of one experiment, and `ground_truth/registered_poses.csv`.
 
-    Scans are Ouster's clouds, with times (t, ns from the stamp) and rings where the files have these fields; .ply files
-    are taken, too. The truth (sec nsec x y z qx qy qz qw) is that of the device, moved into the LiDAR. Its lines are
-    those of the first generation, which no table has. IMU and images are not read.
+    Scans are Ouster's clouds, with times (t, ns from the stamp) and rings if the files have these fields; .ply files
+    are read, too. The ground truth (sec nsec x y z qx qy qz qw) is that of the device, moved into the LiDAR. The laser
+    lines are those of the first generation, which no built-in table has. IMU and images are not read.
     """
 
     LAYOUT = "Newer College (raw_format/ouster_scan/*.pcd)"
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The experiments at or under a path by their names. See `Loader`."""
+        """Find the experiments at or below a path by their names. See `Loader`."""
         return folders_with(path, *(f"{place}/*.{suffix}" for place in PLACES for suffix in ("pcd", "ply")))
 
     def __init__(

@@ -24,7 +24,7 @@ from slam.data.scan_names import ScanNames
 from slam.data.scan_sequence import ScanSequence
 from slam.data.sensor import conventions_of_folder, load_sensor, sensor_of_folder
 
-#: x to the right and y forward, in the files, into ours; and ours in the files' frame.
+#: From the axes of the files, x to the right and y forward, into ours; and our frame in that of the files.
 AXES = ((0.0, 1.0, 0.0, 0.0), (-1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
 T_LIDAR_OURS = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 LIDAR, CAMERA = "/LIDAR_TOP/", "/CAM_FRONT/"
@@ -34,17 +34,17 @@ Record = dict[str, Any]
 class NuScenes(ScanSequence):
     """All scans of LIDAR_TOP of a scene, sweeps and samples, by the tables in `v1.0-*/` of its root.
 
-    A point is x y z intensity ring, float32. Its stamp is of the end of the sweep, and the data set's makers have
-    compensated its motion (github.com/nutonomy/nuscenes-devkit, docs and issue 293): there are no times. The truth is
-    the ego pose of each scan, moved into the LiDAR and turned into our axes, x forward. The camera is CAM_FRONT,
-    rectified, matched by time. Other cameras, RADAR and annotations are not read.
+    A point is x y z intensity ring, float32. Stamps refer to the end of the sweep, and the data set's makers
+    compensated the motion (github.com/nutonomy/nuscenes-devkit, docs and issue 293): there are no times. The ground
+    truth is the ego pose of each scan, moved into the LiDAR and turned into our axes, x forward. The camera is
+    CAM_FRONT, rectified, matched by time. Other cameras, RADAR and annotations are not read.
     """
 
     LAYOUT = "nuScenes (v1.0-*/scene.json)"
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The scenes of a root by their names. See `Loader`."""
+        """Find the scenes of a root by their names. See `Loader`."""
         found = {}
         for file in sorted(path.glob("v1.0-*/scene.json")):
             found.update({scene["name"]: file.parent / scene["name"] for scene in _table(file)})
@@ -78,14 +78,14 @@ class NuScenes(ScanSequence):
 
 
 class _Scene:
-    """What the tables say of a scene: its N scans and M images in the order of time.
+    """Content of the tables for a scene with N scans and M images, ordered by time.
 
     Attributes:
-        scans: The names of the scans' files, and
-        stamps: (N,) when they were taken [s].
+        scans: Names of the scans' files.
+        stamps: (N,) stamps of the scans [s].
         poses: (N, 4, 4) T_world_lidar in our axes, NaN where the ego pose is missing.
-        images: The names of the images' files, and
-        image_stamps: (M,) when they were taken [s].
+        images: Names of the images' files.
+        image_stamps: (M,) stamps of the images [s].
         calibration: The camera, None without images.
     """
 
@@ -112,7 +112,7 @@ class _Scene:
 
 
 def _recorded(tables: Path, scene: str) -> tuple[list[Record], list[Record]]:
-    """What LIDAR_TOP and CAM_FRONT recorded in a scene, in the order of time."""
+    """Return the records of LIDAR_TOP and CAM_FRONT in a scene, ordered by time."""
     tokens = {record["token"] for record in _table(tables / "scene.json") if record["name"] == scene}
     samples = _table(tables / "sample.json", lambda sample: sample.get("scene_token") in tokens)
     wanted = {sample["token"] for sample in samples}
@@ -127,7 +127,7 @@ def _recorded(tables: Path, scene: str) -> tuple[list[Record], list[Record]]:
 
 
 def _table(file: Path, wanted: Callable[[Record], bool] = lambda _: True) -> list[Record]:
-    """The wanted rows of a table; of millions, no others are kept."""
+    """Read the wanted rows of a table of possibly millions."""
     try:
         with file.open(encoding="utf-8") as text:
             rows = json.load(text, object_hook=lambda row: row if wanted(row) else None)
@@ -139,6 +139,6 @@ def _table(file: Path, wanted: Callable[[Record], bool] = lambda _: True) -> lis
 
 
 def _pose(record: Mapping[str, Any]) -> Array:
-    """(4, 4) of a record's translation and rotation, w first."""
+    """Return the pose (4, 4) of a record's translation and rotation, w first."""
     x, y, z = record["translation"]
     return pose(x, y, z, Rotation.from_quat(record["rotation"], scalar_first=True))

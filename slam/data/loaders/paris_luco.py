@@ -14,16 +14,16 @@ TRUTH = "gt_traj_lidar.txt"
 class ParisLuco(StampedSequence):
     """`frames/frame_<number>.ply` of one sequence.
 
-    Points have `timestamp`, seconds from the instant at which the LiDAR looks ahead, the middle of its turn. Files have
-    no rings, which the nearest laser line tells, and no stamps of the scans: 10 a second are assumed. gt_traj_lidar.txt
-    has positions only, which are not read: a truth needs poses.
+    Points have `timestamp`, seconds from the middle of the turn, when the LiDAR looks ahead. Files have no rings, which
+    follow from the nearest laser line, and no stamps of the scans: 10 per second are assumed. gt_traj_lidar.txt has
+    positions only, which are not read: ground truth needs poses.
     """
 
     LAYOUT = f"ParisLuco (frames/*.ply beside {TRUTH})"
 
     @staticmethod
     def sequences(path: Path) -> dict[str, Path]:
-        """The sequences at or under a path by their names. See `Loader`."""
+        """Find the sequences at or below a path by their names. See `Loader`."""
         found = folders_with(path, "frames/*.ply")
         return {name: folder for name, folder in found.items() if (folder / TRUTH).is_file()}
 

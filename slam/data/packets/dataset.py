@@ -17,7 +17,7 @@ from slam.data.packets.sweeps import Arrival
 from slam.data.point_files import Points
 from slam.data.problem import Problem
 from slam.data.scan_columns import SAMPLES, find_columns
-from slam.data.sensor import conventions_of_folder, nominal_lines, sensor_of_folder
+from slam.data.sensor import conventions_of_folder, sensor_of_folder
 from slam.data.stamps import usual_step
 
 LOOKED_AT = 2000  # datagrams by which streams are told apart
@@ -86,8 +86,7 @@ class PacketSequence:
         self._columns = self._scans.with_known_rings(columns, self.sensor)
         self.point_times, self.rings = self._columns.times, self._columns.rings
         self.calibration = self.ground_truth = None
-        nominal = nominal_lines(self.sensor, path)
-        self.problems = (*others, *nominal, *self._scans.problems, *self._columns.problems)
+        self.problems = (*others, *self._scans.problems, *self._columns.problems)
 
     def __len__(self) -> int:
         return len(self._scans)

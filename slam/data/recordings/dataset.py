@@ -24,7 +24,7 @@ from slam.data.recordings.transforms import Mounting
 from slam.data.recordings.truth import RecordedTruth, TruthOf, read_truth
 from slam.data.scan_columns import SAMPLES, find_columns
 from slam.data.scan_names import named_scans
-from slam.data.sensor import conventions_of_folder, nominal_lines, sensor_of_folder
+from slam.data.sensor import conventions_of_folder, sensor_of_folder
 from slam.data.sound_points import NONE, Offset, map_frame
 from slam.data.stamps import mended, usual_step
 
@@ -126,8 +126,7 @@ class RecordedSequence:
             *repaired,
             *odd,
         )
-        nominal = nominal_lines(self.sensor, path)
-        self.problems = (*told, *nominal, *self._columns.problems, *blind, *truth.problems)
+        self.problems = (*told, *self._columns.problems, *blind, *truth.problems)
 
     def __len__(self) -> int:
         return len(self.numbers)

@@ -12,11 +12,16 @@ from slam.data.cloud import Array
 from slam.data.errors import InputError
 from slam.data.folder import UserFolder
 from slam.data.point_files import Points
-from slam.data.scan_columns import find_columns, usual_rings
+from slam.data.scan_columns import find_columns
+from slam.data.scan_rings import usual_rings
 from slam.data.sensor import Sensor, load_sensor
 from slam.data.sensor_names import SENSORS
 
 NAMES = SENSORS.names()
+NUMBERS = (
+    *("from the top", "from the bottom", "from one", "none"),
+    *("firing order", "halves in turn", "every second first"),  # numbers of lasers
+)
 
 
 def scan_of(sensor: Sensor, columns: int = 120) -> tuple[Array, Array]:
@@ -40,7 +45,7 @@ def test_lines_fall_from_the_top(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("numbers", ["from the top", "from the bottom", "from one", "firing order", "none"])
+@pytest.mark.parametrize("numbers", NUMBERS)
 def test_rings_are_recovered(name: str, numbers: str) -> None:
     sensor = load_sensor(name)
     xyz, ring = scan_of(sensor)
@@ -51,6 +56,8 @@ def test_rings_are_recovered(name: str, numbers: str) -> None:
         "from the bottom": count - 1 - ring,
         "from one": ring + 1,
         "firing order": fired[ring],
+        "halves in turn": np.argsort(np.r_[0:count:2, 1:count:2])[ring],  # as a VLP-16's lasers
+        "every second first": np.r_[0:count:2, 1:count:2][ring],
         "none": None,
     }[numbers]
     points = Points(xyz, ring=told)
@@ -58,6 +65,36 @@ def test_rings_are_recovered(name: str, numbers: str) -> None:
     assert problems == ()
     assert cloud.ring is not None
     assert np.mean(cloud.ring == ring) >= 0.99
+
+
+def lines_problems(points: Points, sensor: Sensor) -> list[str]:
+    problems = find_columns([(points, None)], sensor).problems
+    return [problem.message for problem in problems if problem.kind == "laser lines"]
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_points_off_the_laser_lines_are_reported(named: bool) -> None:
+    """VLP-16 and Puck Hi-Res have 16 rings; their lines differ by up to 5 deg."""
+    xyz, ring = scan_of(load_sensor("vlp16"))
+    points = Points(xyz, ring=ring if named else None)
+    assert lines_problems(points, load_sensor("vlp16")) == []
+    (text,) = lines_problems(points, load_sensor("puck-hires"))
+    assert "of the points lie farther from the laser lines of puck-hires than" in text
+    assert "fit-lasers" in text
+
+
+def test_compensated_scans_may_be_off_the_lines() -> None:
+    xyz, ring = scan_of(load_sensor("vlp16"))
+    columns = find_columns([(Points(xyz, ring=ring), None)], load_sensor("puck-hires"), compensated=True)
+    assert columns.problems == ()
+
+
+def test_the_number_of_rings_is_that_of_most_scans() -> None:
+    """The uppermost rings see only sky in the first two scans, and a damaged scan does not count."""
+    xyz, ring = scan_of(Sensor("s", np.linspace(0.3, -0.4, 32), np.zeros(32)))
+    low, complete = Points(xyz[ring > 20], ring=31 - ring[ring > 20]), Points(xyz, ring=31 - ring)
+    scans = [low, low, complete, complete, Points(xyz, ring=ring + 90)]
+    assert find_columns([(points, None) for points in scans]).rings == 32
 
 
 @pytest.mark.parametrize("count", [16, 32, 40, 64, 128])

@@ -57,3 +57,12 @@ def test_the_truth_is_moved_from_the_base_to_the_lidar_which_looks_backwards(kai
 def test_without_its_marks_a_folder_named_ouster_is_no_drive_of_it(kaist: Path) -> None:
     (kaist / "KAIST01" / "global_pose.csv").unlink()
     assert open_dataset(kaist / "KAIST01" / "Ouster").name == "Ouster"
+
+
+def test_lines_of_a_later_generation_are_nominal_and_do_not_fit(kaist: Path) -> None:
+    """The built-in OS1-64 sees from 22.5 to -22.5 deg, the first generation from 16.6 to -16.6."""
+    data = open_dataset(kaist, sensor="os1-64")
+    kinds = [problem.kind for problem in data.problems]
+    assert kinds[:2] == ["nominal laser lines", "laser lines"]
+    assert kinds.count("nominal laser lines") == 1
+    assert not any("laser lines" in problem.kind for problem in open_dataset(kaist).problems)

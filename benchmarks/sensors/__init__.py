@@ -1,0 +1,1 @@
+"""LiDARs that are built in: rings recovered from simulated scans, and enrichment of sparse ones."""
