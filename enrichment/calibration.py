@@ -41,6 +41,15 @@ class Calibrated:
         """Factor on the method's own sigma."""
         return SINGLE_GAP * float(np.exp(self._log_factor)) if self._validations else 1.0
 
+    def state(self) -> list[float]:
+        """Return the numbers of scans and validations, and the logarithm of the factor."""
+        return [self._scans, self._validations, float(self._log_factor)]
+
+    def restore(self, state: list[float]) -> None:
+        """Continue from the state of another one."""
+        scans, validations, self._log_factor = state
+        self._scans, self._validations = int(scans), int(validations)
+
     def __call__(self, scan: SparseScan, grid: RayGrid) -> Prediction:
         """Predict ranges with calibrated sigma."""
         if self._scans % VALIDATE_EVERY == 0:

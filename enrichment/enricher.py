@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -18,6 +19,19 @@ BEAMS = 64  # approximate number of lines after enrichment, if the sensor has fe
 FIRST_SCANS = 10  # used to choose the number of columns
 MIN_RING_POINTS = 90  # on the fullest ring of a scan used for this: a quarter turn at the coarsest resolution
 MAX_RATIO = 1.25  # between the median and the chosen number of columns, above which the choice is changed
+
+
+@runtime_checkable
+class Adaptive(Protocol):
+    """A method or a source of sparse clouds whose results depend on earlier scans."""
+
+    def state(self) -> Any:
+        """Return what it learned: numbers, texts, arrays, lists, tuples and dicts."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Continue from the state of another one."""
+        ...
 
 
 class Enricher:
@@ -71,6 +85,21 @@ class Enricher:
         between = (scan.rows_above(self.target) >= 0).any()
         return self._merge(scan, grid, self.method(scan, grid) if between else Prediction.empty(grid.shape))
 
+    def state(self) -> dict[str, Any]:
+        """Return what is estimated from the scans so far, for `restore`."""
+        return {name: part.state() for name, part in self._adaptive().items()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Continue from the state of another enricher with the same settings."""
+        for name, part in self._adaptive().items():
+            part.restore(state[name])
+
+    def _adaptive(self) -> dict[str, Adaptive]:
+        """The parts that adapt to the scans."""
+        parts: dict[str, Any] = {"measure": self.measure, "method": self.method.method}
+        known = {name: part for name, part in parts.items() if isinstance(part, Adaptive)}
+        return {"columns": self._column_count, "calibration": self.method, **known}
+
     def _as_measured(self, cloud: PointCloud) -> PointCloud:
         """The measured points of an enriched cloud, with the ring indices of the sparse cloud."""
         measured = cloud.select(cloud.measured)
@@ -111,6 +140,14 @@ class ColumnCount:
     def __init__(self) -> None:
         self._seen: list[int] = []
         self._chosen = 0
+
+    def state(self) -> list[Any]:
+        """Return the columns of the first scans, and the choice."""
+        return [list(self._seen), self._chosen]
+
+    def restore(self, state: list[Any]) -> None:
+        """Continue from the state of another one."""
+        self._seen, self._chosen = state
 
     def __call__(self, cloud: PointCloud) -> int:
         """Return the number of columns for the next scan, which has rings."""

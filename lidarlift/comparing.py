@@ -20,7 +20,7 @@ from lidarlift.reporting import Quiet, Reporter
 from lidarlift.reports import report_runs
 from lidarlift.running import run_into
 from slam.config import load_config
-from slam.data.atomic import require_writable, write_text
+from slam.data.atomic import require_no_links, require_writable, write_text
 
 if TYPE_CHECKING:
     from eval.compare import Comparison
@@ -132,10 +132,12 @@ def compare_into(
     """
     from eval.compare import compare_runs
     from eval.evaluation import write_json
+    from eval.report.writing import FIGURES
     from eval.tables import comparison_markdown
 
     folders = {row: folder / row for row in rows}
     require_apart(folder, data)
+    require_no_links(folder, (*rows, FIGURES))
     for each in folders.values():
         require_writable(each)
     for row, settings in rows.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,12 @@ from slam.data.errors import InputError
 
 if TYPE_CHECKING:
     from slam.data.dataset import Dataset
+
+
+def default_folder(data: Dataset, suffix: str) -> Path:
+    """Return runs/NAME-SUFFIX, with the data set's name, which a file may set, as one part of a path."""
+    name = re.sub(r"[^\w.]+", "-", data.name.lower()).strip("-.") or "run"
+    return Path("runs") / f"{name}-{suffix}"
 
 
 def require_apart(out: Path, data: Dataset) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from slam.front_end import AdaptiveFrontEnd
 
 if TYPE_CHECKING:
     from eval.report.scan import Scan
@@ -11,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class KeptScan:
-    """Wraps the front end of a run, and keeps the scan in its middle.
+    """Wraps the front end of a run, and keeps the scan in its middle with its image.
 
     Args:
         frames: Number of frames of the run.
@@ -19,25 +21,36 @@ class KeptScan:
 
     def __init__(self, frames: int) -> None:
         self._left = frames // 2
-        self._kept: tuple[Frame, PointCloud] | None = None
+        self._kept: dict[str, Any] | None = None  # the arguments of a Scan
 
     def around(self, front_end: FrontEnd) -> FrontEnd:
         """Return a front end that does the same, and lets this object see its scans."""
+        self._front_end = front_end
+        return self
 
-        def watched(frame: Frame, history: History) -> PointCloud:
-            cloud = front_end(frame, history)
-            if self._left == 0:
-                self._kept = frame, cloud
-            self._left -= 1
-            return cloud
+    def __call__(self, frame: Frame, history: History) -> PointCloud:
+        """Return the cloud of the front end."""
+        cloud = self._front_end(frame, history)
+        if self._left == 0:
+            self._kept = {
+                "number": frame.index, "cloud": cloud, "image": frame.image, "calibration": frame.calibration
+            }  # fmt: skip
+        self._left -= 1
+        return cloud
 
-        return watched
+    def state(self) -> dict[str, Any]:
+        """Return what the front end learned and the scan, see `AdaptiveFrontEnd`."""
+        learned = self._front_end.state() if isinstance(self._front_end, AdaptiveFrontEnd) else None
+        return {"front_end": learned, "left": self._left, "kept": self._kept}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Continue from such a state."""
+        if isinstance(self._front_end, AdaptiveFrontEnd):
+            self._front_end.restore(state["front_end"])
+        self._left, self._kept = state["left"], state["kept"]
 
     def scan(self) -> Scan | None:
         """Return the scan with its image; None if the run did not get there."""
         from eval.report.scan import Scan
 
-        if self._kept is None:
-            return None
-        frame, cloud = self._kept
-        return Scan(frame.index, cloud, frame.image, frame.calibration)
+        return None if self._kept is None else Scan(**self._kept)

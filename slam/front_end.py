@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -16,11 +16,25 @@ from slam.settings import FrontEndSettings
 class FrontEnd(Protocol):
     """Converts a frame into the cloud that is registered, in sensor geometry: before deskewing and vertical correction.
 
-    A front end may adapt to the scans it receives, so each run needs its own.
+    A front end may adapt to the scans it receives, so each run needs its own; such a front end is an
+    `AdaptiveFrontEnd`, or a run that is resumed would differ from one that was not stopped.
     """
 
     def __call__(self, frame: Frame, history: History) -> PointCloud:
         """Return the cloud of a frame; `history` holds the clouds of earlier frames with their relative poses."""
+        ...
+
+
+@runtime_checkable
+class AdaptiveFrontEnd(Protocol):
+    """A front end whose results depend on earlier scans."""
+
+    def state(self) -> Any:
+        """Return what it learned: numbers, texts, arrays, lists, tuples and dicts."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Continue from the state of another one with the same settings."""
         ...
 
 
@@ -61,6 +75,14 @@ class RingFrontEnd:
         if self.kept is None:
             return self.sensor, np.arange(self.sensor.ring_count)
         return kept_lines(self.sensor, self.settings.ring_selection, self.settings.phase, self.kept)
+
+    def state(self) -> int | None:
+        """Return the number of rings, which may be counted."""
+        return self.rings
+
+    def restore(self, state: int | None) -> None:
+        """Continue with a number of rings."""
+        self.rings = state
 
     def __call__(self, frame: Frame, history: History) -> PointCloud:
         """Return the cloud of a frame, with the rings that are kept."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -18,15 +19,20 @@ from slam.data.cloud import Array, Frame, PointCloud
 from slam.graph.back_end import BackEnd
 from slam.graph.ledger import LoopRecord
 from slam.graph.pose_graph import PoseGraph
+from slam.journal.journal import Journal
+from slam.journal.state import freeze
 from slam.loops.closing import LoopSearch
 from slam.mapping.global_map import build_map
-from slam.mapping.keyframes import Keyframes
+from slam.mapping.keyframes import Keyframe, Keyframes
+from slam.mapping_record import MappingRecord, add_edges, kept_keyframes, places
 from slam.odometry import OdometryStep
+from slam.segments import GAP_COVARIANCE, SEGMENT_DISTANCE, segment_starts, segments_note, unjoined
 from slam.settings import Config, PoseGraphSettings
 
 MIN_TRAVELLED = 0.5  # m, lower bound of the distance in the drift model: a vehicle may turn on the spot
 MAX_QUEUED_SCANS = 20  # the odometry blocks when mapping is this many scans behind: bounds the memory
 STAGES = ("map", "loops", "back_end")
+STATE = ("milliseconds", "_travelled", "_last", "_covariance", "_motion", "_lost")  # attributes in a snapshot
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +60,23 @@ class MappingResult:
 
     def corrected(self, poses: Array) -> Array:
         """Correct odometry poses (N, 4, 4) of frames 0, 1 .. by the corrections of the keyframes before and after."""
-        return corrected_poses(poses, self.keyframes.indices, self.keyframes.poses, self.poses) if self.loops else poses
+        if not self.loops:
+            return poses
+        indices = self.keyframes.indices
+        return corrected_poses(poses, indices, self.keyframes.poses, self.poses, indices[self._starts].tolist())
+
+    def segments_note(self, frames: Array) -> str:
+        """Say where the odometry began new segments, and which of them loops join; '' for a single one.
+
+        Args:
+            frames: (N,) numbers of the run's frames in the data set.
+        """
+        loops = self.graph.edges[len(self.poses) - 1 :] if len(self.poses) else ()
+        return segments_note(self._starts, frames[self.keyframes.indices], unjoined(self._starts, loops))
+
+    @property
+    def _starts(self) -> list[int]:
+        return segment_starts(self.graph.edges[: max(len(self.poses) - 1, 0)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,22 +110,30 @@ class Mapper:
     Attributes:
         config: The settings.
         on_loops: Called in the thread when loops are closed, with all loops so far.
+        journal: Receives keyframes, edges and loops; a mapper continues from its snapshot, if it has one.
         milliseconds: Run times by the stages `STAGES`.
     """
 
     config: Config
     on_loops: Callable[[LoopProgress], None] | None = None
+    journal: Journal | None = None
     milliseconds: dict[str, list[float]] = field(default_factory=lambda: {stage: [] for stage in STAGES})
 
     def __post_init__(self) -> None:
-        self._keyframes, self._back_end = Keyframes(self.config.keyframes), BackEnd()
+        self._record = MappingRecord(self.journal) if self.journal else None
+        state = self.journal.state if self.journal else None
+        kept = kept_keyframes(self.journal.file) if self.journal and state else []
+        self._keyframes, self._back_end = Keyframes(self.config.keyframes, self._record, kept), BackEnd()
         self._search = LoopSearch(self.config.loops)
         self._thread = ThreadPoolExecutor(1, "mapper")
         self._waiting: deque[Future[None]] = deque()
         self._travelled, self._last = 0.0, np.zeros(3)
         self._covariance = np.zeros((6, 6))  # sum of the registration covariances since the last keyframe
+        self._motion: tuple[Array, Array] | None = None  # of the keyframe that is not complete, since the one before
+        self._lost = False  # whether the next keyframe begins a segment
         self._closed: list[tuple[int, int]] = []  # keyframes of the loops so far
-        self._covariances: list[Array] = []  # the same sum of each keyframe since the one before
+        if self.journal and state:
+            self._restore(self.journal, state["mapper"])
 
     def __enter__(self) -> Self:
         return self
@@ -126,9 +156,29 @@ class Mapper:
             recorded: The cloud in sensor geometry, on which the image is projected.
             step: The registered scan.
         """
-        while self._waiting and (len(self._waiting) >= MAX_QUEUED_SCANS or self._waiting[0].done()):
+        self._submit(MAX_QUEUED_SCANS, self._add, position, frame, recorded, step)
+
+    def check(self) -> None:
+        """Raise the exception of an earlier scan, if there is one."""
+        while self._waiting and self._waiting[0].done():
             self._waiting.popleft().result()
-        self._waiting.append(self._thread.submit(self._add, position, frame, recorded, step))
+
+    def snapshot(self, parts: dict[str, Any], counts: dict[str, int], late: Callable[[], Any]) -> None:
+        """Queue a snapshot of the run after the scans so far.
+
+        Args:
+            parts: The frozen states of the other parts, by name.
+            counts: Number of rows of the tables of frames and problems.
+            late: Returns a further state, called when all scans so far are mapped.
+        """
+        self._submit(MAX_QUEUED_SCANS, self._snapshot, parts, counts, late)
+
+    def _submit(self, most: int, task: Callable[..., None], *arguments: Any) -> None:
+        """Queue a task; wait while `most` or more are queued."""
+        self.check()
+        while len(self._waiting) >= most:
+            self._waiting.popleft().result()
+        self._waiting.append(self._thread.submit(task, *arguments))
 
     def corrected(self, poses: Array) -> Array:
         """Correct odometry poses (N, 4, 4) of the frames so far by the loops closed so far."""
@@ -140,6 +190,8 @@ class Mapper:
         while self._waiting:
             self._waiting.popleft().result()
         ledger, poses = self._back_end.ledger(), self._optimised()
+        if self._record:
+            self._record.result(poses, ledger)
         world = build_map(self._keyframes, poses, self.config.map)
         return MappingResult(poses, self._keyframes, ledger, self._back_end.graph(), world)
 
@@ -148,17 +200,27 @@ class Mapper:
         self._travelled += float(np.linalg.norm(step.pose[:3, 3] - self._last))
         self._last = step.pose[:3, 3]
         self._covariance = self._covariance + step.covariance
+        if step.restarted:
+            self._end_segment()
         if step.status == "failed":
             return
         begins = self._keyframes.begins(step.pose)
         cloud = _coloured(step.cloud, recorded, frame) if begins and self.config.map.colour else step.cloud
         done = self._keyframes.add(cloud, step.pose, position, self._travelled)
-        if begins:
-            self._covariances.append(self._covariance)
-            self._covariance = np.zeros((6, 6))
         self.milliseconds["map"].append(1e3 * (time.perf_counter() - begin))
         if done is not None:
             self._close(self.config.loops.verification.query_submap_radius)
+        if begins:
+            self._motion = self._motion_since(self._keyframes[-1], step.pose) if len(self._keyframes) else None
+            self._covariance, self._lost = np.zeros((6, 6)), False
+
+    def _end_segment(self) -> None:
+        """Complete the current keyframe; the next one begins a new segment at an unknown place."""
+        if self._keyframes.finish() is not None:
+            self._close(self.config.loops.verification.query_submap_radius)
+            self._motion = None
+        self._travelled += SEGMENT_DISTANCE
+        self._lost = True
 
     def _optimised(self) -> Array:
         """Poses of the keyframes (K, 4, 4): the odometry poses until a loop is closed."""
@@ -168,7 +230,8 @@ class Mapper:
     def _corrected(self, poses: Array) -> Array:
         if not self._back_end.has_loops:
             return poses
-        return corrected_poses(poses, self._keyframes.indices, self._keyframes.poses, self._optimised())
+        indices, starts = self._keyframes.indices, segment_starts(self._back_end.odometry)
+        return corrected_poses(poses, indices, self._keyframes.poses, self._optimised(), indices[starts].tolist())
 
     def _finish(self) -> None:
         self._keyframes.finish()
@@ -179,8 +242,10 @@ class Mapper:
         """Add the newest keyframe to the graph, and search loops of the keyframes at least `radius` [m] behind it."""
         begin = time.perf_counter()
         count = len(self._keyframes)
-        if count > 1:
-            self._back_end.add_odometry(*self._motion(count - 1))
+        if self._motion is not None:
+            self._back_end.add_odometry(*self._motion)
+            if self._record:
+                self._record.edge(self._back_end.odometry[-1])
         graph, loops, travelled = time.perf_counter() - begin, 0.0, self._keyframes.travelled
         before = len(self._closed)
         while self.config.loops.enabled and len(self._search) < count:
@@ -190,7 +255,11 @@ class Mapper:
             found = self._search.next(self._keyframes)
             loops += time.perf_counter() - begin
             begin = time.perf_counter()
+            if self._record:
+                self._record.place(travelled[len(self._search) - 1], self._search.descriptor)
             for candidate, verification in found:
+                if self._record:
+                    self._record.loop(candidate, verification)
                 if verification.accepted:
                     self._back_end.add_loop(candidate, verification.covariance)
                     self._closed.append((candidate.i, candidate.j))
@@ -207,12 +276,27 @@ class Mapper:
         loops = tuple((int(indices[i]), int(indices[j])) for i, j in self._closed)
         return LoopProgress(indices, self._keyframes.poses, self._optimised(), loops)
 
-    def _motion(self, number: int) -> tuple[Array, Array]:
-        """Motion (4, 4) of a keyframe since the one before, and its covariance (6, 6): registration plus drift."""
-        before, here = self._keyframes.poses[number - 1 : number + 1]
-        distance = max(float(np.diff(self._keyframes.travelled[number - 1 : number + 1])[0]), MIN_TRAVELLED)
-        drift = distance * drift_per_metre(self.config.pose_graph)
-        return se3.normalized(se3.inverse(before) @ here), self._covariances[number] + drift
+    def _motion_since(self, before: Keyframe, pose: Array) -> tuple[Array, Array]:
+        """Motion (4, 4) to `pose` since a keyframe, and its covariance (6, 6): registration plus drift."""
+        distance = max(self._travelled - before.travelled, MIN_TRAVELLED)
+        drift = GAP_COVARIANCE if self._lost else distance * drift_per_metre(self.config.pose_graph)
+        return se3.normalized(se3.inverse(before.pose) @ pose), self._covariance + drift
+
+    def _snapshot(self, parts: dict[str, Any], counts: dict[str, int], late: Callable[[], Any]) -> None:
+        assert self.journal is not None
+        state = {name: getattr(self, name) for name in STATE} | {"keyframes": self._keyframes.state()}
+        rows = self.journal.counts() | counts
+        self.journal.snapshot(rows, {**parts, "mapper": freeze(state), "late": freeze(late())})
+
+    def _restore(self, journal: Journal, state: dict[str, Any]) -> None:
+        """Continue from a snapshot."""
+        for name in STATE:
+            setattr(self, name, state[name])
+        self._keyframes.restore(state["keyframes"])
+        self._search.restore(*places(journal.file, self.config))
+        add_edges(journal.file, self._back_end)
+        edges = self._back_end.graph().edges[len(self._back_end.odometry) :]
+        self._closed = [(edge.i, edge.j) for edge in edges]
 
 
 def drift_per_metre(settings: PoseGraphSettings) -> Array:
@@ -221,7 +305,9 @@ def drift_per_metre(settings: PoseGraphSettings) -> Array:
     return np.diag(sigma**2)
 
 
-def corrected_poses(poses: Array, indices: Array, keyframes: Array, optimised: Array) -> Array:
+def corrected_poses(
+    poses: Array, indices: Array, keyframes: Array, optimised: Array, starts: Sequence[int] = ()
+) -> Array:
     """Correct the poses of frames by the optimised poses of their keyframes.
 
     The odometry gives the pose of a frame relative to the keyframe before and to the one after; the corrected pose
@@ -233,10 +319,18 @@ def corrected_poses(poses: Array, indices: Array, keyframes: Array, optimised: A
         indices: (K,) frames of the keyframes, increasing.
         keyframes: (K, 4, 4) odometry poses of the keyframes.
         optimised: (K, 4, 4) optimised poses of the keyframes.
+        starts: Frames at which new segments begin, each with a keyframe: nothing is interpolated across.
 
     Returns:
-        (N, 4, 4). Frames before the first or after the last keyframe move rigidly with it.
+        (N, 4, 4). Frames before the first or after the last keyframe of a segment move rigidly with it.
     """
+    if len(starts):
+        parts = []
+        for begin, end in pairwise((0, *starts, len(poses))):
+            inside = (indices >= begin) & (indices < end)
+            own = (indices[inside] - begin, keyframes[inside], optimised[inside])
+            parts.append(corrected_poses(poses[begin:end], *own))
+        return np.concatenate(parts)
     before, after, share = se3.neighbours(indices, np.arange(len(poses)))
     start, end = (optimised[near] @ (se3.inverse(keyframes[near]) @ poses) for near in (before, after))
     return se3.blend(start, end, share)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from types import TracebackType
 from typing import Any, Self
@@ -20,7 +22,12 @@ from slam.data.problem import Problem
 from slam.data.sensor import Sensor
 from slam.data.stamps import stamp_problems, usual_step
 from slam.data.world_frame import centre, world_frame_problem
+from slam.frame_record import problems_in, records_in, row_of
 from slam.front_end import FrontEnd, RingFrontEnd
+from slam.identity import fingerprint
+from slam.journal.journal import Journal
+from slam.journal.state import freeze
+from slam.journal.tables import FRAME, PROBLEM
 from slam.mapper import Mapper
 from slam.mid_sweep import MidSweepOdometry
 from slam.odometry import Odometry, OdometryStep
@@ -40,7 +47,7 @@ class Slam:
     Front end and odometry process each frame immediately; keyframes, loop closures and the pose graph follow in a
     separate thread. Results are deterministic, bit for bit: they depend on the frames, not on the timing.
 
-    Use it in a `with` statement, so that an exception stops the thread.
+    Use it in a `with` statement, so that an exception stops the thread. One thread at a time adds frames.
 
     Args:
         config: The settings. Default: `Config()`.
@@ -49,10 +56,12 @@ class Slam:
         sweep_duration: Time [s] between successive scans, without missing scans.
         odometry: Source of the poses. Default: our odometry with the settings of `config`.
         strict: Raise an error at the first problem of a frame.
+        journal: Receives all that the run finds out. If it has a snapshot, the run continues from there: the next frame
+            is the one after those in `result`.
         observer: Watches the run.
 
     Raises:
-        InputError: `config` requires rings that the sensor does not have.
+        InputError: `config` requires rings that the sensor does not have, or the journal is damaged.
         ValueError: `config` requires enriched input, and no front end that enriches is given.
     """
 
@@ -65,6 +74,7 @@ class Slam:
         sweep_duration: float = SWEEP,
         odometry: PoseSource | None = None,
         strict: bool = False,
+        journal: Journal | None = None,
         observer: Observer | None = None,
     ) -> None:
         config, source = config or Config(), source or Source()
@@ -80,14 +90,18 @@ class Slam:
             or MidSweepOdometry(Odometry(config.odometry, sweep_duration=sweep_duration, vertical_correction=angle)),
             config.front_end.deskew,
         )
-        self._mapper = Mapper(config, observer.loops_closed if observer else None)
-        self._observer = observer
+        self._mapper = Mapper(config, observer.loops_closed if observer else None, journal)
+        self._journal, self._observer = journal, observer
         if observer:
             observer.started(self.result)
         self._waiting: list[tuple[int, Frame, PointCloud]] = []  # with provisional poses; their positions
         self._images: list[ReportingReader] = []  # without a problem so far; reading them may find damage
+        self._late_problems: list[Problem] = []  # of images that were read for keyframes before the run was resumed
         self._centres: list[Array] = []
         self._sweep_duration, self._strict = sweep_duration, strict
+        self._busy = threading.Lock()
+        if journal and journal.state:
+            self._restore(journal, journal.state)
 
     def __enter__(self) -> Self:
         return self
@@ -113,9 +127,15 @@ class Slam:
             InputError: The stamp is not finite; the points' times are not in seconds; deskewing is required and the
                 points have no times; or `strict` is set and the frame has a problem.
             ValueError: The run is finished.
+            RuntimeError: Another thread is adding a frame. Exceptions of the mapper's thread are raised here too.
         """
+        with self._alone():
+            return self._add(frame, load_milliseconds)
+
+    def _add(self, frame: Frame, load_milliseconds: float) -> FrameRecord:
         if self.result.mapping:
             raise ValueError("the run is finished; create another Slam")
+        self._mapper.check()
         if not np.isfinite(frame.stamp):
             raise InputError(f"frame {frame.index}: the stamp is {frame.stamp}; give the scan's time in seconds")
         _check_times(frame, self._sweep_duration)
@@ -143,9 +163,51 @@ class Slam:
         if not step.provisional:
             self._pass_to_mapper((*step.revised, step))
         laps["waiting"] = 1e3 * (time.perf_counter() - begin)
+        if self._journal and not self._waiting:
+            self._write_frames(self._journal)
+            self._write_problems(self._journal)
+            if self._journal.snapshot_due():
+                self._snapshot(self._journal, frame)
         if self._observer:
             self._observer.registered(frame, step.cloud, self.result.records[-1])
         return self.result.records[-1]
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Refuse a second thread: the result would depend on which one is first."""
+        if not self._busy.acquire(blocking=False):
+            raise RuntimeError("Slam is in use by another thread; add frames from one thread, in their order")
+        try:
+            yield
+        finally:
+            self._busy.release()
+
+    def _write_frames(self, journal: Journal) -> None:
+        """Append the frames to the journal whose poses are final."""
+        for record in self.result.records[journal.counts()[FRAME.name] :]:
+            journal.append(FRAME, *row_of(record))
+
+    def _write_problems(self, journal: Journal) -> None:
+        """Append the new problems to the journal."""
+        for problem in self.result.problems[journal.counts()[PROBLEM.name] :]:
+            journal.append(PROBLEM, problem.kind, problem.message)
+
+    def _snapshot(self, journal: Journal, last: Frame) -> None:
+        """Write a snapshot after the frame `last`, once that is mapped."""
+        counts, images, known = journal.counts(), list(self._images), list(self._late_problems)
+        own = {"centres": np.array(self._centres), "timed": self.result.timed, "last": fingerprint(last.cloud)}
+        self._mapper.snapshot(
+            {"run": freeze(own), "tracker": freeze(self._tracker.state())},
+            {table.name: counts[table.name] for table in (FRAME, PROBLEM)},
+            lambda: [*known, *(image.problem for image in images if image.problem)],
+        )
+
+    def _restore(self, journal: Journal, state: Mapping[str, Any]) -> None:
+        """Continue from a snapshot."""
+        self._tracker.restore(state["tracker"])
+        self.result.records, self.result.problems = records_in(journal.file), problems_in(journal.file)
+        self.result.timed, self.result.sizes = state["run"]["timed"], self._tracker.sizes
+        self._centres, self._late_problems = list(state["run"]["centres"]), state["late"]
 
     def _pass_to_mapper(self, steps: tuple[OdometryStep, ...]) -> None:
         """Pass the waiting frames to the mapper with their final odometry poses, and update the records."""
@@ -164,15 +226,20 @@ class Slam:
 
     def finish(self) -> Run:
         """Close the last loops, select the consistent loops jointly, and build the map; return the result."""
-        if self.result.mapping is None:
-            self._pass_to_mapper(self._tracker.settle())
-            self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
-            self._mapper.close()
-            self._add_image_problems(self._images)
-            self.result.problems.extend(world_frame_problem(np.array(self._centres), self.result.odometry_poses))
-            if self._observer:
-                self._observer.finished(self.result)
-        return self.result
+        with self._alone():
+            if self.result.mapping is None:
+                self._pass_to_mapper(self._tracker.settle())
+                if self._journal:
+                    self._write_frames(self._journal)
+                self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
+                self._mapper.close()
+                _raise_if_strict(self._late_problems, self._strict)
+                self.result.problems.extend(self._late_problems)
+                self._add_image_problems(self._images)
+                self.result.problems.extend(world_frame_problem(np.array(self._centres), self.result.odometry_poses))
+                if self._observer:
+                    self._observer.finished(self.result)
+            return self.result
 
     def _add_image_problems(self, images: Sequence[ReportingReader]) -> None:
         """Add the problems found while reading images to the run, each once."""
@@ -202,6 +269,7 @@ class Pipeline:
         *,
         recorded: RecordedOdometry | None = None,
         strict: bool = False,
+        journal: Journal | None = None,
         observer: Observer | None = None,
         on_frame: Callable[[FrameRecord], None] | None = None,
         on_odometry: Callable[[Run], None] | None = None,
@@ -214,8 +282,9 @@ class Pipeline:
             frames: Positions in the data set, as in a list's slice.
             recorded: Poses of another odometry, in place of ours.
             strict: Raise an error at the first problem of the data.
+            journal: As in `Slam`; the run continues from its snapshot, if it has one.
             observer: Watches the run.
-            on_frame: Called after each frame.
+            on_frame: Called after each frame, and before the first one for each frame of the snapshot.
             on_odometry: Called when all frames are registered. The selection of loops and the map follow, and may take
                 minutes.
             on_stop: Called with the incomplete result if an exception, such as Ctrl-C, ends the run before that; not if
@@ -232,14 +301,22 @@ class Pipeline:
         about: Any = {"sweep_duration": sweep, "vertical_correction": angle}
         odometry = recorded.steps(positions, **about) if recorded else None
         front_end = self.make_front_end() if self.make_front_end else None
-        about = {"source": source, "sweep_duration": sweep, "odometry": odometry, "strict": strict}
+        about = {"source": source, "sweep_duration": sweep, "odometry": odometry, "strict": strict, "journal": journal}
         slam = Slam(self.config, front_end, **about, observer=observer)
         problems = (*dataset.problems, *(recorded.problems if recorded else ()))
         _raise_if_strict(problems, strict)
-        slam.result.problems.extend(problems)
+        done = len(slam.result.records)
+        if not done:
+            slam.result.problems.extend(problems)
+        elif journal and journal.state and done <= len(positions):
+            _require_same_scan(dataset, positions[done - 1], journal.state["run"]["last"])
         with slam:
             try:
-                for position, (frame, load) in zip(positions, _read_ahead(dataset, positions), strict=True):
+                if on_frame:
+                    for record in slam.result.records:
+                        on_frame(record)
+                left = positions[done:]
+                for position, (frame, load) in zip(left, _read_ahead(dataset, left), strict=True):
                     record = slam.add(recorded.stamped(frame, position) if recorded else frame, load)
                     if on_frame:
                         on_frame(record)
@@ -331,6 +408,12 @@ def _raise_if_strict(problems: Sequence[Problem], strict: bool) -> None:
         raise RefusedError(problems[0].message)
 
 
+def _require_same_scan(dataset: Dataset, position: int, expected: int) -> None:
+    """Raise InputError if a scan is not the one that an earlier part of the run registered."""
+    if fingerprint(dataset[position].cloud) != expected:
+        raise InputError(f"{dataset.path}: scan {position} has changed since the run began; run again without --resume")
+
+
 def _read_ahead(dataset: Dataset, positions: range) -> Iterator[tuple[Frame, float]]:
     """Yield the frames in order, each with its read time [ms]; the next frame is read in the background."""
 
@@ -339,8 +422,8 @@ def _read_ahead(dataset: Dataset, positions: range) -> Iterator[tuple[Frame, flo
         return dataset[position], 1e3 * (time.perf_counter() - begin)
 
     with ThreadPoolExecutor(1, "read-ahead") as reader:
-        pending = deque([reader.submit(read, positions[0])])
-        for position in (*positions[1:], None):
+        pending = deque(reader.submit(read, position) for position in positions[:1])
+        for position in (*positions[1:], *(None for _ in positions[:1])):
             frame = pending.popleft().result()
             if position is not None:
                 pending.append(reader.submit(read, position))

@@ -227,4 +227,7 @@ class Run:
             if record.status == "degenerate":
                 motion = (se3.inverse(poses[number]) @ poses[max(number - 1, 0)])[:3, 3]
                 found.append(degeneracy.directions(record.unobserved, motion))
-        return [*self.remarks, *([degeneracy.summary(found, len(self.records))] if found else [])]
+        frames = np.array([record.index for record in self.records])
+        segments = self.mapping.segments_note(frames) if self.mapping else ""
+        degenerate = degeneracy.summary(found, len(self.records)) if found else ""
+        return [*self.remarks, *(note for note in (segments, degenerate) if note)]

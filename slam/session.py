@@ -2,22 +2,23 @@
 
 The results of an earlier run are removed when there are new ones, run.json first; the new run.json is written last. So
 a folder with a run.json has a finished run; a folder without it has the odometry of a stopped run.
+
+The session of a run under way is in the folder UNFINISHED, beside the results of an earlier run. It becomes SESSION
+shortly before run.json is written.
 """
 
 from __future__ import annotations
 
 import json
-import platform
 from contextlib import suppress
 from dataclasses import asdict
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from slam import degeneracy
-from slam.data.atomic import write_text
+from slam.data.atomic import remove_temporaries, write_text
 from slam.data.body_frame import rotations
 from slam.data.cloud import Array
 from slam.data.covariance_file import MEANING, covariance_text
@@ -27,6 +28,11 @@ from slam.data.point_writer import write_points
 from slam.data.pose_files import kitti_text, tum_text
 from slam.graph.g2o import write_g2o
 from slam.graph.ledger import csv_text
+from slam.identity import SHOWN, differences, versions
+from slam.journal.journal import SESSION as SESSION_NAME
+from slam.journal.journal import Journal, has_snapshot, remove_session
+from slam.journal.session_file import SessionFile
+from slam.journal.tables import FRAME
 from slam.mapping.picture import map_png
 from slam.run import STAGES, Run
 
@@ -44,7 +50,78 @@ RESULTS = (  # written after loops and map
     "scan.npz",
     "report.html",
 )
-PACKAGES = ("lidarlift", "numpy", "numba", "scipy", "gtsam", "onnxruntime", "open3d", "open3d-cpu", "evo")
+ODOMETRY = ("odometry_kitti.txt", "odometry_tum.txt", "ground_truth_tum.txt", "timings.csv")  # written before that
+SESSION, UNFINISHED = "session", "unfinished"  # folders in the run folder
+
+
+def begin_session(folder: Path, about: dict[str, Any]) -> Journal:
+    """Begin a session in a run folder, in place of an unfinished one.
+
+    Args:
+        folder: The run folder.
+        about: What the results depend on, see `identity`.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    remove_temporaries(folder, (*RESULTS, *ODOMETRY))
+    return Journal.begin(folder / UNFINISHED, about)
+
+
+def resume_session(folder: Path, about: dict[str, Any]) -> Journal | None:
+    """Open the session of a run folder to continue it, the unfinished one first; None if there is nothing to continue.
+
+    A finished run is continued from its last snapshot, and has the same results again.
+
+    Raises:
+        InputError: Code, input or settings have changed since, or the session is damaged.
+    """
+    try:
+        if not has_snapshot(folder / UNFINISHED) and has_snapshot(folder / SESSION):
+            remove_session(folder / UNFINISHED)
+            (folder / SESSION).rename(folder / UNFINISHED)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from error
+    if not has_snapshot(folder / UNFINISHED):
+        return None
+    changed = session_differences(folder, about)
+    if changed:
+        more = f", and {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
+        raise InputError(
+            f"{folder}: the run cannot be resumed, for {'; '.join(changed[:SHOWN])}{more}. "
+            "Use what the run began with, or choose another folder"
+        )
+    remove_temporaries(folder, (*RESULTS, *ODOMETRY))
+    return Journal.resume(folder / UNFINISHED)
+
+
+def session_differences(folder: Path, about: dict[str, Any]) -> list[str]:
+    """List what differs between a run and the unfinished session of its folder.
+
+    Raises:
+        InputError: The session is damaged.
+    """
+    with SessionFile.open(folder / UNFINISHED / SESSION_NAME) as file:
+        return differences(file.about, about)
+
+
+def unfinished_frames(folder: Path) -> int:
+    """Return the number of frames of the unfinished session that can be continued; 0 if there is none.
+
+    Raises:
+        InputError: The session is damaged.
+    """
+    if not has_snapshot(folder / UNFINISHED):
+        return 0
+    with SessionFile.open(folder / UNFINISHED / SESSION_NAME) as file:
+        return file.count(FRAME)
+
+
+def drop_session(folder: Path) -> None:
+    """Remove the unfinished session of a run folder, unless it can be continued."""
+    if not has_snapshot(folder / UNFINISHED):
+        with suppress(OSError):
+            remove_session(folder / UNFINISHED)
 
 
 def save_odometry(run: Run, folder: str | Path) -> None:
@@ -57,6 +134,7 @@ def save_odometry(run: Run, folder: str | Path) -> None:
     if folder.is_dir():
         for name in RESULTS:
             (folder / name).unlink(missing_ok=True)
+        remove_session(folder / SESSION)
     _write_poses(run, folder, "odometry", run.odometry_poses)
     _write_ground_truth(run, folder)
     _write_true_positions(run, folder)
@@ -74,7 +152,7 @@ def save_stopped(run: Run, folder: str | Path) -> Path | None:
     folder = Path(folder)
     if (folder / "run.json").exists():
         folder = folder.with_name(f"{folder.name}-stopped")
-    if not run.records:
+    if not run.records or folder.is_symlink():
         return None
     try:
         run.settle_truth()
@@ -84,8 +162,13 @@ def save_stopped(run: Run, folder: str | Path) -> Path | None:
     return folder
 
 
-def save_run(run: Run, folder: str | Path) -> Path:
+def save_run(run: Run, folder: str | Path, journal: Journal | None = None) -> Path:
     """Write the run folder: odometry, trajectory, loops, map and, last, run.json; return the folder.
+
+    Args:
+        run: The finished run.
+        folder: The run folder.
+        journal: The run's session in that folder; it is closed.
 
     Raises:
         InputError: The folder cannot be written.
@@ -96,6 +179,8 @@ def save_run(run: Run, folder: str | Path) -> Path:
     frames = [record.index for record in run.records]
     write_text(folder / "trajectory_covariance.csv", covariance_text(frames, run.stamps, run.covariances()))
     _write_mapping(run, folder)
+    if journal:
+        journal.move(folder / SESSION)
     write_text(folder / "run.json", json.dumps(_report(run), indent=2) + "\n")
     return folder
 
@@ -195,7 +280,7 @@ def _report(run: Run) -> dict[str, Any]:
             "sizes_m": asdict(run.sizes) if run.sizes else None,
             "alignment": "none: the first frame is the origin; metrics.json says how each figure was aligned",
             "covariances": MEANING,
-            "versions": _versions(),
+            "versions": versions(),
             "config": run.config.model_dump(mode="json"),
         },
         "counts": run.counts(),
@@ -228,12 +313,3 @@ def _percentile(values: Array, q: float) -> float:
 
 def _matrix(T: Array | None) -> list[list[float]] | None:
     return None if T is None else T.tolist()
-
-
-def _versions() -> dict[str, str]:
-    """Versions of Python and of the installed PACKAGES; Open3D has two names."""
-    installed = {"python": platform.python_version()}
-    for name in PACKAGES:
-        with suppress(metadata.PackageNotFoundError):
-            installed[name] = metadata.version(name)
-    return installed

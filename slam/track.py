@@ -33,6 +33,7 @@ MAX_HYPOTHESES = 5  # of the first motion
 MAX_INITIAL_SPEED = 45.0  # m/s, of the first motion: a row of posts fits at any multiple of their spacing
 DISTINCT = 0.4  # distance between two different motions, relative to the finest cells
 MIN_OVERLAP_RATIO, OVERLAP_WINDOW = 0.8, 10  # of a plausible registration, to the running mean; scans in the mean
+MIN_INLIER_RATIO = 0.8  # of a registration, to the running mean: at another place walls and ground fit by half
 RELATIVE_VARIANCE_FACTOR = 2  # both poses of a motion have a registration error
 ALL_OBSERVED = np.zeros((0, 3))  # no unobservable directions
 FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m; of a predicted pose
@@ -94,6 +95,7 @@ class OdometryStep:
         unobserved: Unit vectors (K, 6) (rotation, translation) in the sensor's axes; empty unless degenerate.
         velocity: Velocity (6,) [rad/s, m/s] in the sensor's axes, since the last scan; 0 while it is unknown.
         provisional: The pose may still be revised, at the beginning of a sequence.
+        restarted: The local map was restarted at this scan, whose pose is the prediction: a new segment begins.
         revised: The revised steps of the provisional scans, oldest first, at the end of the beginning.
     """
 
@@ -105,6 +107,7 @@ class OdometryStep:
     unobserved: Array = field(default_factory=lambda: np.zeros((0, 6)))
     velocity: Array = field(default_factory=lambda: np.zeros(6))
     provisional: bool = False
+    restarted: bool = False
     revised: tuple[OdometryStep, ...] = ()
 
 
@@ -136,6 +139,7 @@ class Track:
         self._velocity_changes = np.zeros((6, 6))  # running mean of d d^T for the changes d from scan to scan
         self._registered = self._failures = 0
         self._deviations = self._squared_deviations = self._mean_overlap = 0.0
+        self._mean_inliers = 0.0
         self._unobserved, self._unobserved_for = np.zeros((0, 3)), 0.0  # in the map's axes; s
         self._last_eviction = np.zeros(3)
         self._first: PointCloud | None = None  # as recorded; deskewed again with the motion to the second scan
@@ -233,9 +237,8 @@ class Track:
             self.evidence += self.target.scorer(*prepared.points, step.pose)(step.pose)
         if step.status != "failed":
             self._update_motion(step, stamp)
-        if self.target is not None:
-            self._update_map(self.target, step, prepared.map_points)
-        return replace(step, velocity=self._velocity)
+        restarted = self.target is not None and self._update_map(self.target, step, prepared.map_points)
+        return replace(step, velocity=self._velocity, restarted=restarted and self.settings.target == "map")
 
     def predict(self, stamp: float) -> Array:
         """Return the pose (4, 4) at `stamp` for a constant velocity since the last registered scan."""
@@ -282,7 +285,7 @@ class Track:
             found = target.align(*points, steady_pose, _unobserved_twists(lost))
         elif self._registered > 1 and not gap and not self._is_plausible(prediction, found):
             status, found = "retried", self._search(target, points, [prediction], found)
-        if not self._is_valid(found, lost):
+        if not self._is_valid(found, lost) or not self._fits_as_before(found):
             return self._prediction_step(prediction, scan, found)
         self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
         self._unobserved = lost
@@ -344,6 +347,10 @@ class Track:
         close = self._deviation(prediction, found.pose) < self._max_deviation()
         return close and self._is_valid(found, ALL_OBSERVED)
 
+    def _fits_as_before(self, found: RegistrationResult) -> bool:
+        """Whether about as many points fit as in the last scans: not so if the sensor was carried to another place."""
+        return self._registered < OVERLAP_WINDOW or found.inlier_ratio >= MIN_INLIER_RATIO * self._mean_inliers
+
     def _is_valid(self, found: RegistrationResult, lost: Array) -> bool:
         """Whether inlier ratio and covariance are within limits, except along the unobservable directions `lost`."""
         P, R = np.eye(3) - lost.T @ lost, found.pose[:3, :3]  # P projects onto the observable directions
@@ -397,6 +404,7 @@ class Track:
         if step.registration:
             scans = min(self._registered, OVERLAP_WINDOW)
             self._mean_overlap += (step.registration.overlap - self._mean_overlap) / scans
+            self._mean_inliers += (step.registration.inlier_ratio - self._mean_inliers) / scans
         motion = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose))
         if self._registered:
             velocity = motion / self._motion_duration(motion, stamp)
@@ -419,12 +427,16 @@ class Track:
             choices.append(self.sweep_duration)
         return min(choices, key=lambda elapsed: float(np.linalg.norm((motion / elapsed - self._velocity)[3:])))
 
-    def _update_map(self, target: Target, step: OdometryStep, points: Points) -> None:
-        """Insert the scan into the map, restart the map after too many failures, and evict distant cells."""
+    def _update_map(self, target: Target, step: OdometryStep, points: Points) -> bool:
+        """Insert the scan into the map, evict distant cells, and restart the map after too many failures.
+
+        Returns:
+            Whether it was restarted.
+        """
         self._failures = self._failures + 1 if step.status == "failed" else 0
         restart = self._failures >= MAX_FAILURES and len(points[0]) >= MIN_POINTS
         if step.status == "failed" and not restart:
-            return
+            return False
         if restart or self.settings.target == "scan":
             target.clear()
             self._failures = 0
@@ -432,6 +444,7 @@ class Track:
         if np.linalg.norm(step.pose[:3, 3] - self._last_eviction) > EVICTION_DISTANCE:
             self._last_eviction = step.pose[:3, 3].copy()
             target.evict(self._last_eviction, self.settings.map_radius)
+        return restart
 
 
 Points = tuple[Array, Array]  # xyz (N, 3) and weights (N,), float32

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 from slam.cell_sizes import Sizes
 from slam.data import se3
 from slam.data.cloud import HISTORY, Array, Frame, History, PointCloud
 from slam.data.errors import InputError
-from slam.front_end import FrontEnd
+from slam.front_end import AdaptiveFrontEnd, FrontEnd
 from slam.odometry import OdometryStep
 
 
@@ -91,6 +91,17 @@ class Tracker:
     def settle(self) -> tuple[OdometryStep, ...]:
         """End the beginning, as `Odometry.settle` does: no further scan follows."""
         return self._odometry.settle()
+
+    def state(self) -> dict[str, Any]:
+        """Return what later results depend on, for `restore`."""
+        front_end = self._front_end.state() if isinstance(self._front_end, AdaptiveFrontEnd) else None
+        return {"front_end": front_end, "odometry": self._odometry, "recent": self._recent}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Continue from the state of another tracker with the same settings."""
+        if isinstance(self._front_end, AdaptiveFrontEnd):
+            self._front_end.restore(state["front_end"])
+        self._odometry, self._recent = state["odometry"], state["recent"]
 
     def _revise(self, steps: tuple[OdometryStep, ...]) -> None:
         """Replace the poses of the history, except that of the last cloud, by the revised ones."""

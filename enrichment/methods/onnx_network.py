@@ -29,6 +29,8 @@ WEIGHTS = resources.files("enrichment") / "weights"  # NAME.onnx, as enrichment.
 
 REMEDY = "reinstall lidarlift, or export the network again"
 
+EXTERNAL = b"location"  # key of a tensor whose data are in another file
+
 log = logging.getLogger(__name__)
 
 
@@ -124,14 +126,19 @@ l2l, li2l, f2l = (partial(ImageNetwork, name) for name in ("l2l", "li2l", "f2l")
 def session(file: Traversable) -> InferenceSession:
     """Open an inference session of a network on the CPU.
 
+    ONNX can refer to other files, by the key 'location' of a tensor. Weights are one file, and one from a stranger must
+    not read others: a file with this word is refused before ONNX Runtime sees it.
+
     Raises:
         FileNotFoundError: The file is missing.
         ImportError: ONNX Runtime is not installed.
-        InputError: The file is damaged.
+        InputError: The file is damaged, or refers to other files.
     """
     import onnxruntime
 
     content = file.read_bytes()
+    if EXTERNAL in content:
+        raise InputError(f"{file}: the network refers to data in other files, which are not read; {REMEDY}")
     try:
         return onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
     except Exception as error:  # ONNX Runtime's errors have no other common base

@@ -6,6 +6,7 @@ The command modules import the computing modules only when a command runs, so th
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from typing import Annotated
 
@@ -68,15 +69,35 @@ def options(
 
 
 def main() -> None:
-    """Run the command line; exit codes: 0 done, 1 error (one line on stderr), 2 usage, 130 stopped by Ctrl-C."""
+    """Run the command line.
+
+    Exit codes: 0 done, 1 error (one line on stderr), 2 usage, 128 + the signal's number when stopped: 130 by Ctrl-C,
+    143 by SIGTERM, 129 when the terminal is closed. All three end a run with the results so far.
+    """
+    stopped_by: list[int] = []
+    _take_signals(stopped_by)
     try:
         app()
     except SystemExit as end:
         if end.code == INTERRUPTED:
             messages.print("Stopped. All files written so far are complete.")
             sys.stdout.flush()
-            os._exit(INTERRUPTED)  # sys.exit would wait for threads, and one may be inside a solver
+            # sys.exit would wait for threads, and one may be inside a solver
+            os._exit(128 + stopped_by[0] if stopped_by else INTERRUPTED)
         raise
     except InputError as error:
         messages.print(f"Error: {error}", style="red", markup=False)
         sys.exit(1)
+
+
+def _take_signals(stopped_by: list[int]) -> None:
+    """Have SIGTERM and SIGHUP stop the command as Ctrl-C does, unless they are ignored, as by nohup."""
+
+    def stop(number: int, _: object) -> None:
+        stopped_by.append(number)
+        raise KeyboardInterrupt
+
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)  # Windows has one of them
+        if number is not None and signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, stop)

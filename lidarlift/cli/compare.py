@@ -21,6 +21,7 @@ from lidarlift.cli.console import Console, command_line
 from lidarlift.cli.data_options import DataOptions, with_data_options
 from lidarlift.comparing import available_inputs, compare_into, comparison_title, rows_for
 from lidarlift.comparing_trajectories import compared, is_of_trajectories
+from lidarlift.folders import default_folder
 from slam.data.errors import InputError
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def compare(
     if calib is not None:
         raise InputError(f"--calib {calib}: is for finished runs and trajectories, and {paths[0]} is a data set")
     data = reading.opened(Path(paths[0]))
-    folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-compared"
+    folder = out or default_folder(data, "compared")
     rows, chosen = rows_for(available_inputs(data), enricher, config, set_ or ()), frame_slice(frames)
     comparison = compare_into(folder, data, rows, chosen, Console(), strict=strict, command=command_line())
     print_comparison(comparison, comparison_title(data, rows, chosen), folder, rows)

@@ -14,7 +14,7 @@ from lidarlift.cli.compare import print_comparison
 from lidarlift.cli.console import Console, command_line, messages, progress
 from lidarlift.cli.forecast import Forecast
 from lidarlift.comparing import INPUTS, compare_into, comparison_title, rows_for
-from slam.data.atomic import require_writable
+from slam.data.atomic import require_no_links, require_writable
 from slam.data.errors import InputError
 from slam.data.machine import cache_folder
 
@@ -48,6 +48,7 @@ def demo(
     from slam.simulation.simulation import Simulation, SimulationConfig
 
     rows = rows_for(INPUTS)
+    require_no_links(out, rows)
     for row in rows:
         require_writable(out / row)
     simulation = Simulation(SimulationConfig(drive="loop", every=1 if full else EVERY))

@@ -19,6 +19,7 @@ from lidarlift.cli.arguments import (
 )
 from lidarlift.cli.console import Console, command_line
 from lidarlift.cli.data_options import DataOptions, with_data_options
+from lidarlift.folders import default_folder
 from lidarlift.front_ends import settings_for
 from lidarlift.running import run_into
 from lidarlift.watching.choice import Views
@@ -38,6 +39,9 @@ def run(
         typer.Option(help="File with LiDAR poses of another odometry, one per scan, KITTI or TUM format."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The run folder. Default: runs/NAME-INPUT.")] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the run in the folder that was stopped or killed.")
+    ] = False,
     strict: StrictOption = False,
     live: Annotated[bool, typer.Option("--live", help="Show the run in rerun (extra `view`).")] = False,
     record: Annotated[
@@ -61,9 +65,9 @@ def run(
 
     data = reading.opened(dataset)
     chosen = settings_for(ring_count(data), input, enricher, config, set_ or ())
-    folder = out or Path("runs") / f"{data.name.lower().replace(' ', '-')}-{chosen.front_end.input}"
+    folder = out or default_folder(data, chosen.front_end.input)
     views = Views(live, record, serve)
-    about: Any = {"odometry": odometry, "strict": strict, "views": views, "command": command_line()}
+    about: Any = {"odometry": odometry, "strict": strict, "views": views, "command": command_line(), "resume": resume}
     _, metrics = run_into(folder, data, chosen, frame_slice(frames), Console(), **about)
     report = read_report(folder)
     print(_summary(report))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from slam.data.errors import InputError
@@ -20,6 +21,7 @@ def written_beside(path: Path) -> Iterator[Path]:
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.unlink(missing_ok=True)  # a link by this name must not be followed
         yield temporary
         temporary.replace(path)
     except OSError as error:
@@ -28,6 +30,15 @@ def written_beside(path: Path) -> Iterator[Path]:
     finally:
         if temporary.parent.is_dir():
             temporary.unlink(missing_ok=True)
+
+
+def remove_temporaries(folder: Path, names: Iterable[str]) -> None:
+    """Remove what `written_beside` left of files with these names in a folder when a program was killed."""
+    patterns = [rf"\.{re.escape(Path(name).stem)}\.[0-9]+{re.escape(Path(name).suffix)}" for name in names]
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if any(re.fullmatch(pattern, path.name) for pattern in patterns):
+            with suppress(OSError):
+                path.unlink()
 
 
 def require_writable(folder: Path) -> None:
@@ -39,6 +50,19 @@ def require_writable(folder: Path) -> None:
     existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not existing.is_dir() or not os.access(existing, os.W_OK):
         raise InputError(f"{folder}: {existing} is not a writable folder; choose another folder")
+
+
+def require_no_links(folder: Path, names: Iterable[str]) -> None:
+    """Check that none of the folders with these names in `folder` is a link: results would be written outside.
+
+    Links in place of files need no check: a new file takes their place.
+
+    Raises:
+        InputError: One is.
+    """
+    for name in names:
+        if (folder / name).is_symlink():
+            raise InputError(f"{folder / name}: is a link; remove it, or choose another folder")
 
 
 def write_text(path: Path, text: str) -> None:

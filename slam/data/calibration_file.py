@@ -120,14 +120,20 @@ def _calibration(path: Path, content: dict[str, Any], where: str = "") -> Calibr
     if K[0, 0] <= 0 or K[1, 1] <= 0 or not np.array_equal(K[2], [0, 0, 1]) or K[1, 0] != 0:
         raise InputError(f"{path}: '{where}K' must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx and fy in pixels")
     T = numbers(path, f"{where}T_camera_lidar", content["T_camera_lidar"], (4, 4))
-    R = T[:3, :3]
-    if not np.allclose(R @ R.T, np.eye(3), atol=1e-3) or np.linalg.det(R) < 0 or not np.allclose(T[3], [0, 0, 0, 1]):
+    if not is_rigid(T):
         raise InputError(f"{path}: '{where}T_camera_lidar' must be a rotation and a translation over the row 0 0 0 1")
     distortion = numbers(path, f"{where}distortion", content.get("distortion") or [], (-1,))
     fisheye = _is_fisheye(path, content.get("model"), distortion)
     if fault := coefficients_fault(len(distortion), fisheye):
         raise InputError(f"{path}: {fault}")
     return Calibration(K, T, tuple(distortion.tolist()), fisheye=fisheye)
+
+
+def is_rigid(T: Array) -> bool:
+    """Check whether a matrix (4, 4) is a rotation, without a reflection, and a translation, to three digits."""
+    R = T[:3, :3]
+    rotation = np.allclose(R @ R.T, np.eye(3), atol=1e-3) and np.linalg.det(R) > 0
+    return bool(rotation and np.isfinite(T).all() and np.allclose(T[3], [0, 0, 0, 1]))
 
 
 def coefficients_fault(count: int, fisheye: bool) -> str:

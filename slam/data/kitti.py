@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from slam.data.beams import rings_in_file_order, turn_times
+from slam.data.calibration_file import is_rigid
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
 from slam.data.files import SCAN_PERIOD, files_by_number
@@ -118,13 +119,24 @@ def _motion_assumed(path: Path, sensor: Sensor, override: str | Path | None) -> 
     return (Problem("motion assumed", f"{text} a file with 'model: {sensor.name}' and 'motion_compensated: {other}'"),)
 
 
-def rectified_camera(P: Array, T_camera0_lidar: Array) -> Calibration:
+def rectified_camera(P: Array, T_camera0_lidar: Array, source: object = "the calibration") -> Calibration:
     """Create the calibration of KITTI's colour camera.
 
     Args:
         P: Projection matrix (4, 4), last row 0 0 0 1, of points in rectified camera 0: [K | K t].
         T_camera0_lidar: Pose (4, 4) of the LiDAR in rectified camera 0.
+        source: The file, for errors.
+
+    Raises:
+        InputError: The focal lengths are not positive, or the pose is not a rotation and a translation.
     """
+    if not (np.isfinite(P).all() and P[0, 0] > 0 and P[1, 1] > 0 and P[2, 2] != 0):
+        raise InputError(f"{source}: the projection matrix of camera 2 has no positive focal lengths; repair it")
+    if not is_rigid(T_camera0_lidar):
+        raise InputError(
+            f"{source}: the pose of the LiDAR in camera 0 is not a rotation and a translation (a reflection, another "
+            "scale, or a number that is not finite); repair it, or remove the file to run without the camera"
+        )
     T_camera_camera0 = np.eye(4)
     T_camera_camera0[:3, 3] = np.linalg.solve(P[:3, :3], P[:3, 3])
     return Calibration(P[:3, :3].copy(), T_camera_camera0 @ T_camera0_lidar, (), T_camera0_lidar)

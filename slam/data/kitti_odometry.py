@@ -92,7 +92,7 @@ class KittiOdometry(KittiSequence):
         if "Tr" not in entries or "P2" not in entries:
             return None, (Problem("no calibration", f"{path}: no 'Tr:' or no 'P2:' in it; the camera is not used"),)
         T_camera0_lidar = matrix(entries, path, "Tr")
-        return rectified_camera(matrix(entries, path, "P2"), T_camera0_lidar), ()
+        return rectified_camera(matrix(entries, path, "P2"), T_camera0_lidar, path), ()
 
     def _read_ground_truth(self) -> tuple[Array | None, tuple[Problem, ...]]:
         path = self.path.parent.parent / "poses" / f"{self.path.name}.txt"

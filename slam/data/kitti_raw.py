@@ -95,7 +95,7 @@ class KittiRaw(KittiSequence):
             return None, (Problem("no calibration", f"{text}; the camera is not used"),)
         entries = read_keyed_numbers(camera)
         rectified = matrix(entries, camera, "R_rect_00") @ matrix(read_keyed_numbers(lidar), lidar, "R", "T")
-        return rectified_camera(matrix(entries, camera, "P_rect_02"), rectified), ()
+        return rectified_camera(matrix(entries, camera, "P_rect_02"), rectified, camera.parent), ()
 
     def _read_ground_truth(self, start: np.datetime64 | None) -> tuple[Array | None, tuple[Problem, ...]]:
         files = files_by_number(self.path / "oxts" / "data", (".txt",))

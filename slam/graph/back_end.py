@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,16 +52,45 @@ class BackEnd:
         Raises:
             ValueError: A pose does not exist, or as `add_odometry`.
         """
+        self._online.add_loop(self._keep_loop(candidate, covariance))
+
+    def _keep_loop(self, candidate: LoopCandidate, covariance: Array) -> Edge:
+        """Record a verified loop; return its edge."""
         edge = Edge(candidate.i, candidate.j, candidate.pose, covariance)
         if not (0 <= edge.i < len(self) and 0 <= edge.j < len(self)):
             raise ValueError(f"loop {edge.i} -> {edge.j}: poses 0 to {len(self) - 1} exist")
-        self._online.add_loop(edge)
         self._loops.append((len(self._records), edge))
         self._records.append(LoopRecord(candidate, 0.0, "accepted", "verified"))
+        return edge
 
     def reject(self, candidate: LoopCandidate, reason: str) -> None:
         """Record a candidate that the verification rejected; it is not added to the graph."""
         self._records.append(LoopRecord(candidate, 0.0, "rejected", reason))
+
+    def restore(self, odometry: Sequence[Edge], loops: Sequence[tuple[LoopCandidate, Array | None, str]]) -> None:
+        """Add the edges and candidates of an earlier session at once.
+
+        The poses before `settle` are those of another order of updates, so they differ by rounding from those of the
+        session; the results of `settle` do not.
+
+        Args:
+            odometry: All odometry edges.
+            loops: The candidates, each with the covariance (6, 6) of its pose, or None and the reason of the rejection.
+
+        Raises:
+            ValueError: As `add_odometry` and `add_loop`.
+        """
+        for number, edge in enumerate(odometry):
+            if (edge.i, edge.j) != (number, number + 1):
+                raise ValueError(f"odometry edge {edge.i} -> {edge.j} in place of {number} -> {number + 1}")
+        self.odometry = list(odometry)
+        for candidate, covariance, reason in loops:
+            if covariance is None:
+                self.reject(candidate, reason)
+            else:
+                self._keep_loop(candidate, covariance)
+        edges = [edge for _, edge in self._loops]
+        self._online = Incremental(self.odometry, edges, odometry_poses(self.odometry, np.eye(4)))
 
     @property
     def has_loops(self) -> bool:

@@ -140,6 +140,7 @@ class Incremental:
     def __init__(self, odometry: Sequence[Edge], loops: Sequence[Edge], poses: Array) -> None:
         parameters = gtsam.ISAM2Params()
         parameters.relinearizeSkip = 1
+        parameters.setFactorization("QR")  # Cholesky fails where long chains or unknown gaps are badly conditioned
         self._isam = gtsam.ISAM2(parameters)
         graph = factors(odometry)
         graph.add(prior_of_first())

@@ -9,21 +9,30 @@ import numpy as np
 from slam.data import se3
 from slam.data.cloud import Array
 from slam.graph.ledger import LoopCandidate
-from slam.loops.scan_context import Candidate, ScanContext, levelled, levelled_submap
+from slam.loops.scan_context import Candidate, ScanContext, descriptor, levelled, levelled_submap
 from slam.loops.verification import Verification, Verifier
 from slam.mapping.keyframes import Keyframe
 from slam.settings import LoopSettings
 
 
 class LoopSearch:
-    """Stores the places of keyframes and searches for those passed before. Not thread-safe: use one per thread."""
+    """Stores the places of keyframes and searches for those passed before. Not thread-safe: use one per thread.
+
+    Attributes:
+        descriptor: The descriptor (rings, sectors) of the last keyframe that was searched.
+    """
 
     def __init__(self, settings: LoopSettings) -> None:
         self.settings = settings
+        self.descriptor = np.zeros((0, 0), np.float32)
         self._places, self._verifier = ScanContext(settings.scan_context), Verifier(settings.verification)
 
     def __len__(self) -> int:
         return len(self._places)
+
+    def restore(self, descriptors: Array, travelled: Array) -> None:
+        """Add the places of keyframes that were searched before: (K, rings, sectors), travelled distances (K,) [m]."""
+        self._places.restore(descriptors, travelled)
 
     def next(self, keyframes: Sequence[Keyframe]) -> list[tuple[LoopCandidate, Verification]]:
         """Search the loops of the next keyframe, the one after the last that was searched.
@@ -37,7 +46,8 @@ class LoopSearch:
         query = len(self._places)
         cloud, travelled = self._surroundings(keyframes, query), keyframes[query].travelled
         candidates = self._places.query(cloud, travelled)[: self.settings.max_candidates]
-        self._places.add(cloud, travelled)
+        self.descriptor = descriptor(cloud, self.settings.scan_context)
+        self._places.insert(self.descriptor, travelled)
         found = []
         for candidate in candidates:
             if candidate.distance > self.settings.max_descriptor_distance:

@@ -130,7 +130,11 @@ class ScanContext:
         return self._count
 
     def add(self, xyz: Array, travelled: float) -> int:
-        """Add the place of a cloud (N, 3) and return its index.
+        """Add the place of a cloud (N, 3) and return its index, as `insert`."""
+        return self.insert(descriptor(xyz, self.settings), travelled)
+
+    def insert(self, context: Array, travelled: float) -> int:
+        """Add a place by its descriptor (rings, sectors) and return its index.
 
         Raises:
             ValueError: `travelled` is smaller than that of the last place.
@@ -143,7 +147,7 @@ class ScanContext:
             for name in ("_travelled", "_keys", "_columns", "_filled"):
                 values = getattr(self, name)
                 setattr(self, name, np.concatenate([values, np.zeros_like(values)]))
-        row, context = self._count, descriptor(xyz, self.settings)
+        row = self._count
         self._travelled[row], self._keys[row] = travelled, ring_key(context)
         self._columns[row], self._filled[row] = (values[0] for values in _columns(context[None]))
         self._count += 1
@@ -161,8 +165,7 @@ class ScanContext:
             Candidates, most similar first, each at its best shift; equal ones in the order of insertion.
         """
         contexts = _descriptors(xyz, self.settings.lateral_shifts, self.settings)
-        limit = travelled - self.settings.min_travelled_distance
-        end = int(np.searchsorted(self._travelled[: self._count], limit, "right"))
+        end = self._end(travelled)
         rows = np.arange(end) if exhaustive else self._preselect(ring_key(contexts), end)
         distances, shifts = kernels.align(*_twice(contexts), self._columns, self._filled, rows)
         if len(rows) == 0:
@@ -176,10 +179,26 @@ class ScanContext:
             if distances[k] < 1.0
         ]
 
+    def restore(self, contexts: Array, travelled: Array) -> None:
+        """Insert the places of an earlier session: descriptors (K, rings, sectors), travelled distances (K,) [m].
+
+        The k-d tree is the one of that session, so that later queries have the same answers, also among equals.
+        """
+        size = 0
+        for context, distance in zip(contexts, travelled.tolist(), strict=True):
+            size = _tree_size(size, self._end(distance))
+            self.insert(context, distance)
+        self._tree = cKDTree(self._keys[:size])
+
+    def _end(self, travelled: float) -> int:
+        """The number of places that a query at a travelled distance [m] may find."""
+        limit = travelled - self.settings.min_travelled_distance
+        return int(np.searchsorted(self._travelled[: self._count], limit, "right"))
+
     def _preselect(self, keys: Array, end: int) -> Array:
         """Rows of the places before `end` with the ring keys nearest to any of `keys` (L, rings), nearest first."""
-        if not 0 <= end - self._tree.n < REBUILD_AFTER:
-            self._tree = cKDTree(self._keys[:end])
+        if (size := _tree_size(self._tree.n, end)) != self._tree.n:
+            self._tree = cKDTree(self._keys[:size])
         in_tree, after = self._tree.n, np.arange(self._tree.n, end)
         near, rows = [cdist(keys, self._keys[after])], [np.broadcast_to(after, (len(keys), len(after)))]
         if in_tree:
@@ -189,6 +208,11 @@ class ScanContext:
         merged = merged[np.lexsort((merged, np.hstack(near).ravel()))]
         first = np.sort(np.unique(merged, return_index=True)[1])  # the nearest key of each place
         return np.asarray(merged[first[: self.settings.max_preselected]])
+
+
+def _tree_size(before: int, end: int) -> int:
+    """Number of places in the k-d tree for a query that may find `end` places; it had `before`."""
+    return before if 0 <= end - before < REBUILD_AFTER else end
 
 
 def _descriptors(xyz: Array, lateral_shifts: Sequence[float], settings: ScanContextSettings) -> Array:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any, Protocol
 
 import numpy as np
 
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
+from slam.data.errors import InputError
 from slam.mapping.spill import Spill
-from slam.mapping.visibility import SPHERE_COLUMNS, RangeImage
+from slam.mapping.visibility import SPHERE_COLUMNS, SPHERE_ROWS, RangeImage
 from slam.mapping.voxel_averages import VoxelAverages
 from slam.settings import KeyframeSettings
 
@@ -39,21 +41,42 @@ class Keyframe:
     view: RangeImage
 
 
+class Storage(Protocol):
+    """Where complete keyframes are kept beyond the run, as in a session."""
+
+    def store(self, index: int, travelled: float, pose: Array, block: bytes) -> None:
+        """Store the next keyframe: `block` holds its packed cloud and view."""
+
+    def block(self, number: int) -> bytes:
+        """Return the block of a keyframe."""
+        ...
+
+
 class Keyframes(Sequence[Keyframe]):
     """The keyframes of a run, a growing sequence that any thread can read at any time.
 
     A keyframe is complete when the next one begins: its cloud includes all scans in between. Clouds take 7 bytes per
-    point, 10 with colour; beyond the memory budget they are stored in an unnamed file in the temporary folder (TMPDIR),
-    which the operating system removes however the program ends.
+    point, 10 with colour; beyond the memory budget they are read from `storage`, or without one stored in an unnamed
+    file in the temporary folder (TMPDIR), which the operating system removes however the program ends.
+
+    Args:
+        settings: Settings.
+        storage: Stores the keyframes.
+        kept: Index, pose and travelled distance of the keyframes that `storage` has already.
     """
 
-    def __init__(self, settings: KeyframeSettings | None = None) -> None:
+    def __init__(
+        self,
+        settings: KeyframeSettings | None = None,
+        storage: Storage | None = None,
+        kept: Sequence[tuple[int, Array, float]] = (),
+    ) -> None:
         self.settings = settings or KeyframeSettings()
         limits = self.settings
         self._gathered = VoxelAverages(limits.voxel_size, limits.min_range, limits.max_range)
         self._begun: Keyframe | None = None  # with the cloud of its own scan only
-        self._kept: list[tuple[int, Array, float]] = []
-        self.spill = Spill(int(1e6 * limits.memory_mb))
+        self._kept, self._storage = list(kept), storage
+        self.spill = Spill(int(1e6 * limits.memory_mb), storage.block if storage else None, len(kept))
         self._unpacked_lately = lru_cache(RECENT)(self._unpack)  # submaps read the same neighbours repeatedly
 
     def add(self, cloud: PointCloud, pose: Array, index: int, travelled: float) -> Keyframe | None:
@@ -81,10 +104,21 @@ class Keyframes(Sequence[Keyframe]):
         if self._begun is None:
             return None
         begun, self._begun = self._begun, None
-        self.spill.append(_packed(self._gathered.points(), begun.view))
+        block = _packed(self._gathered.points(), begun.view)
+        if self._storage:
+            self._storage.store(begun.index, begun.travelled, begun.pose, block)
+        self.spill.append(block)
         self._kept.append((begun.index, begun.pose, begun.travelled))
         self._gathered.clear()
         return self[-1]
+
+    def state(self) -> dict[str, Any]:
+        """Return the keyframe that is not complete yet, for `restore`."""
+        return {"begun": self._begun, "gathered": self._gathered}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Continue with a keyframe that was not complete."""
+        self._begun, self._gathered = state["begun"], state["gathered"]
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -134,7 +168,16 @@ def _packed(cloud: PointCloud, view: RangeImage) -> bytes:
 
 
 def _unpacked(block: bytes) -> tuple[PointCloud, RangeImage]:
-    points, coloured, first_row = np.frombuffer(block, np.int32, 3).tolist()
+    """The cloud and the view of a block.
+
+    Raises:
+        InputError: The block, from a file, is damaged.
+    """
+    points, coloured, first_row = np.frombuffer(block, np.int32, 3).tolist() if len(block) >= 12 else (-1, 0, 0)
+    pixels, rest = divmod(len(block) - 12 - (10 if coloured else 7) * points, 2)
+    rows, partial_row = divmod(pixels, SPHERE_COLUMNS)
+    if not (0 <= points <= len(block) and 0 <= first_row <= first_row + rows <= SPHERE_ROWS) or rest or partial_row:
+        raise InputError(f"a keyframe of {len(block)} bytes is damaged; choose another session")
     xyz = np.frombuffer(block, np.int16, 3 * points, 12).reshape(-1, 3) * np.float32(COORDINATE_STEP)
     at = 12 + 6 * points
     intensity = np.frombuffer(block, np.uint8, points, at) / np.float32(255)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import threading
 import weakref
+from collections.abc import Callable
 from typing import IO
 
 from slam.data.errors import InputError
@@ -17,12 +18,16 @@ class Spill:
 
     Args:
         budget: Maximum size of the blocks in memory [bytes].
+        stored: Returns a block by its number, if all blocks are stored elsewhere too; then there is no file.
+        count: Number of blocks that are stored elsewhere at the beginning.
     """
 
-    def __init__(self, budget: int) -> None:
+    def __init__(self, budget: int, stored: Callable[[int], bytes] | None = None, count: int = 0) -> None:
         self._budget, self.in_memory, self.on_disk = budget, 0, 0  # bytes
-        self._blocks: list[bytes | tuple[int, int]] = []  # the block itself, or its offset and size in the file
-        self._moved = 0  # number of blocks on disk
+        self._stored = stored
+        # the block itself, its offset and size in the file, or None: stored elsewhere
+        self._blocks: list[bytes | tuple[int, int] | None] = [None] * count
+        self._moved = count  # number of blocks that are not in memory
         self._file: IO[bytes] | None = None
         self._lock = threading.Lock()
 
@@ -47,6 +52,9 @@ class Spill:
             block = self._blocks[number]
             if isinstance(block, bytes):
                 return block
+            if block is None:
+                assert self._stored is not None
+                return self._stored(number)
             assert self._file is not None
             self._file.seek(block[0])
             return self._file.read(block[1])
@@ -54,6 +62,12 @@ class Spill:
     def _move_oldest(self) -> None:
         block = self._blocks[self._moved]
         assert isinstance(block, bytes)
+        self._blocks[self._moved] = None if self._stored else self._written(block)
+        self.in_memory -= len(block)
+        self._moved += 1
+
+    def _written(self, block: bytes) -> tuple[int, int]:
+        """The offset and size of a block in the file, after writing it."""
         try:
             file = self._opened()
             file.seek(self.on_disk)
@@ -64,10 +78,8 @@ class Spill:
                 f"{tempfile.gettempdir()}: cannot write keyframes ({error.strerror or error}); free some space, "
                 "or set TMPDIR to a folder with more"
             ) from error
-        self._blocks[self._moved] = self.on_disk, len(block)
         self.on_disk += len(block)
-        self.in_memory -= len(block)
-        self._moved += 1
+        return self.on_disk - len(block), len(block)
 
     def _opened(self) -> IO[bytes]:
         if self._file is None:

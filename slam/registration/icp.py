@@ -99,7 +99,7 @@ class IcpTarget:
         return Linearisation(
             H=np.einsum("n,nik,nil->kl", scaled, J, J, optimize=True),
             gradient=parts.sum(axis=0),
-            variance=float((robust * m).sum() / (r.shape[1] * robust.sum())),
+            variance=float((robust * m).sum() / max(r.shape[1] * robust.sum(), 1e-9)),
             inlier_ratio=float(w[m < INLIER_THRESHOLD].sum() / max(w.sum(), 1e-9)),
             overlap=float(w.sum() / total),
             score=float((w * np.exp(-m / 2)).sum() / total),

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -12,8 +15,13 @@ from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.errors import InputError
+from slam.journal import journal as journals
+from slam.journal.journal import Journal
 from slam.odometry import OdometryStep
 from slam.pipeline import Slam
+from slam.recorded_odometry import RecordedSteps
+from slam.recovery import recovered
+from slam.run import Run
 
 SIDE, FRAMES = 24.0, 112  # m, side of a square block; more than one round
 
@@ -148,3 +156,143 @@ def test_strict_stops_before_a_frame_with_an_implausible_stamp(frames: list[Fram
 def test_a_stamp_that_is_not_finite_is_an_error(frames: list[Frame], stamp: float) -> None:
     with slam() as it, pytest.raises(InputError, match=r"the stamp is (nan|inf); give the scan's time in seconds"):
         it.add(replace(frames[0], stamp=stamp))
+
+
+def journaled(frames: list[Frame], journal: Journal | None, stop: int | None = None) -> Run:
+    """The run over the frames, with a journal; `stop` leaves at that frame."""
+    config = load_config(None, ["loops.scan_context.min_travelled_distance=60", "keyframes.memory_mb=0.1"])
+    steps = RecordedSteps(Drifting().poses, 0.1, 0.0)
+    with Slam(config, odometry=steps, journal=journal) as it:
+        for frame in frames[len(it.result.records) : stop]:
+            it.add(frame)
+        if stop is not None:
+            raise KeyboardInterrupt
+        return it.finish()
+
+
+def test_a_run_that_is_resumed_again_and_again_has_the_same_bits(
+    frames: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Equal bits: two runs of the same code."""
+    monkeypatch.setattr(journals, "SNAPSHOT_EVERY", 0.0)
+    whole = journaled(frames, None)
+    about = {"settings": whole.config.model_dump(mode="json"), "input": {"T_camera0_lidar": None}}
+    Journal.begin(tmp_path / "s", about).close()
+    for stop in (1, 30, 31, 95, 104):
+        begin = Journal.resume if journals.has_snapshot(tmp_path / "s") else lambda folder: Journal.begin(folder, about)
+        with begin(tmp_path / "s") as journal, suppress(KeyboardInterrupt):
+            journaled(frames, journal, stop)
+        if stop == 30:
+            with Journal.resume(tmp_path / "s") as journal:
+                assert 0 < journal.counts()["frame"] <= 30
+    with Journal.resume(tmp_path / "s") as journal:
+        resumed = journaled(frames, journal)
+        assert whole.mapping is not None
+        assert resumed.mapping is not None
+        assert whole.mapping.loops > 0
+        assert resumed.poses.tobytes() == whole.poses.tobytes()
+        assert resumed.map.xyz.tobytes() == whole.map.xyz.tobytes()
+        assert resumed.map.intensity.tobytes() == whole.map.intensity.tobytes()
+        assert [record.status for record in resumed.mapping.ledger] == [r.status for r in whole.mapping.ledger]
+        assert resumed.problems == whole.problems
+        found = recovered(tmp_path / "s" / "session.sqlite")
+    assert len(found.map()) > 1000
+    odometry = whole.odometry_poses
+    assert off(found.poses)[-4:].max() < 0.5 * off(odometry)[-4:].min()
+
+
+def test_a_second_thread_is_refused(frames: list[Frame]) -> None:
+    inside, done = threading.Event(), threading.Event()
+
+    class Slow(Drifting):
+        def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
+            inside.set()
+            assert done.wait(60)
+            return super().register(cloud, stamp)
+
+    with Slam(load_config(), odometry=Slow()) as it:
+        thread = threading.Thread(target=it.add, args=(frames[0],))
+        thread.start()
+        assert inside.wait(60)
+        with pytest.raises(RuntimeError, match="in use by another thread"):
+            it.add(frames[1])
+        with pytest.raises(RuntimeError, match="in use by another thread"):
+            it.finish()
+        done.set()
+        thread.join()
+        it.add(frames[1])
+        assert len(it.result.records) == 2
+
+
+def test_an_exception_of_the_mapper_is_raised_by_the_next_frame(
+    frames: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise MemoryError("no room")
+
+    with slam() as it:
+        it.add(frames[0])
+        it.trajectory()  # waits for the mapper
+        monkeypatch.setattr(it._mapper, "_add", fails)
+        it.add(frames[1])
+        with suppress(MemoryError):
+            it.trajectory()
+        with pytest.raises(MemoryError, match="no room"):
+            it.add(frames[2])
+        assert len(it.result.records) == 2
+
+
+CARRIED, AGAIN = 48, 20  # metre at which the sensor is carried back, and the metre where it goes on
+
+
+class Carried:
+    """Odometry that loses its way when the sensor is carried to another place, and restarts five scans later."""
+
+    sizes = None
+
+    def __init__(self, places: list[int]) -> None:
+        self._places, self._next = places, 0
+        self._shift = se3.exp(np.array([0, 0, 0.3, 4.0, 2.0, 0]))  # of what follows: the odometry goes on as before
+
+    def predict(self, stamp: float) -> Array:
+        pose = way()[self._places[self._next]]
+        if self._next < CARRIED:
+            return pose
+        return way()[CARRIED] @ self._shift @ se3.inverse(way()[AGAIN]) @ pose
+
+    def register(self, cloud: PointCloud, stamp: float) -> OdometryStep:
+        pose = self.predict(stamp)
+        lost = CARRIED <= self._next < CARRIED + 5
+        restarted, self._next = self._next == CARRIED + 4, self._next + 1
+        status: Literal["failed", "registered"] = "failed" if lost else "registered"
+        return OdometryStep(pose, 1e-6 * np.eye(6), status, None, cloud, restarted=restarted)
+
+    def settle(self) -> tuple[OdometryStep, ...]:
+        return ()
+
+
+def carried(frames: list[Frame], *overrides: str) -> tuple[Run, Array]:
+    """A run with a sensor that is carried, and its true poses."""
+    places = [*range(CARRIED), *range(AGAIN, AGAIN + 40)]
+    config = load_config(None, ["loops.scan_context.min_travelled_distance=60", *overrides])
+    with Slam(config, odometry=Carried(places)) as it:
+        for number, place in enumerate(places):
+            it.add(replace(frames[place], index=number, stamp=0.1 * number))
+        return it.finish(), way()[places]
+
+
+def test_a_loop_joins_the_segments_of_a_sensor_that_was_carried(frames: list[Frame]) -> None:
+    run, truth = carried(frames)
+    distance = np.linalg.norm(run.poses[:, :3, 3] - truth[:, :3, 3], axis=1)
+    assert np.linalg.norm(run.odometry_poses[-1, :3, 3] - truth[-1, :3, 3]) > 10
+    assert distance[:CARRIED].max() < 0.3
+    assert distance[CARRIED + 5 :].max() < 0.5
+    (note,) = run.notes()
+    assert f"began new segments at frames {CARRIED + 5}; loop closures join all segments" in note
+
+
+def test_without_a_loop_the_segments_stay_apart(frames: list[Frame]) -> None:
+    run, _ = carried(frames, "loops.enabled=false")
+    np.testing.assert_array_equal(run.poses, run.odometry_poses)
+    (note,) = run.notes()
+    assert f"no loop closure joins those from frames {CARRIED + 5}" in note

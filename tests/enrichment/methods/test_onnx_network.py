@@ -159,6 +159,16 @@ def test_damaged_weights_are_an_error(content: bytes | None, tmp_path: Path) -> 
         ImageNetwork("l2l", tmp_path)
 
 
+def test_a_network_with_data_in_other_files_is_refused(tmp_path: Path) -> None:
+    """The file beside holds what a stranger wants to read."""
+    always(10.0, tmp_path)
+    whole = onnx.load(tmp_path / "l2l.onnx")
+    onnx.save_model(whole, tmp_path / "l2l.onnx", save_as_external_data=True, location="secret", size_threshold=0)
+    assert (tmp_path / "secret").is_file()
+    with pytest.raises(InputError, match="refers to data in other files"):
+        ImageNetwork("l2l", tmp_path)
+
+
 def test_downsampling_takes_the_nearest_depth() -> None:
     sparse = np.zeros((5, 7), np.float32)
     sparse[0, 0], sparse[1, 1], sparse[2, 3], sparse[4, 6] = 9.0, 4.0, 7.0, 3.0  # the last one in no whole cell

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -123,3 +124,52 @@ def test_a_run_json_of_another_program_is_an_error(lidarlift: Command, tmp_path:
     (tmp_path / "trajectory_tum.txt").write_text("0 0 0 0 0 0 0 1\n")
     (tmp_path / "run.json").write_text(content)
     lidarlift("export", tmp_path, "o.txt", "--format", "kitti", "--frame", "camera").refused("run.json")
+
+
+@pytest.fixture
+def killed(finished: Path) -> Path:
+    """The folder of a run that was killed before it wrote its results."""
+    Path("r/session").rename("r/unfinished")
+    Path("r/run.json").unlink()
+    return finished
+
+
+@pytest.mark.usefixtures("killed")
+def test_a_run_that_was_killed_is_exported(lidarlift: Command) -> None:
+    for name, options in {"kitti.txt": ("--format", "kitti"), "map.ply": (), "both.mcap": ()}.items():
+        result = lidarlift("export", "r", name, *options)
+        assert result.code == 0, result.err
+        assert "the run did not finish; its first 8 frames are exported" in result.err
+    assert read_poses(Path("kitti.txt"))[1] == pytest.approx(read_poses(Path("r/trajectory_tum.txt"))[1], abs=1e-8)
+    whole, found = read_points(Path("r/map.pcd")), read_points(Path("map.ply"))
+    np.testing.assert_array_equal(found.xyz, whole.xyz)
+    assert lidarlift("export", "r", "camera.txt", "--format", "kitti", "--frame", "camera").code == 0
+    assert read_poses(Path("camera.txt"))[1][-1, 2, 3] == pytest.approx(9.8, abs=0.2)  # forward is z
+
+
+HOSTILE = {
+    "settings": "UPDATE about SET value = '{\"odometry\": {\"voxel_size\": -1}}' WHERE name = 'settings'",
+    "no settings": "DELETE FROM about WHERE name = 'settings'",
+    "deep JSON": f"UPDATE about SET value = '{'[' * 100_000}' WHERE name = 'input'",
+    "no frames": "DELETE FROM frame",
+    "a frame changed": "UPDATE frame SET pose = '[]' WHERE number = 3",
+    "more edges": "INSERT INTO edge SELECT number + 100, i, j, pose, covariance, crc FROM edge",
+    "a keyframe beyond the frames": "UPDATE keyframe SET position = 1000 WHERE number = 2",
+    "a cloud that is too short": "UPDATE keyframe SET cloud = x'ffffff7f0000000000000000'",
+}
+
+
+@pytest.mark.usefixtures("killed")
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_a_session_that_lies_is_refused_and_nothing_is_written(lidarlift: Command, kind: str) -> None:
+    database = sqlite3.connect("r/unfinished/session.sqlite")
+    database.execute(HOSTILE[kind])
+    database.commit()
+    database.close()
+    lidarlift("export", "r", "map.ply").refused("r/unfinished/session.sqlite")
+    assert not Path("map.ply").exists()
+
+
+def test_a_folder_without_a_session_is_no_run(lidarlift: Command) -> None:
+    Path("r").mkdir()
+    lidarlift("export", "r", "map.ply").refused("r/run.json: not a run")

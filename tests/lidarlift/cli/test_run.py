@@ -10,12 +10,14 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
 
+from lidarlift.folders import default_folder
 from slam.data.cloud import Array, PointCloud
+from slam.data.dataset import Dataset
 from slam.data.errors import InputError
 from slam.data.point_files import read_points
 from slam.data.pose_files import read_poses
@@ -28,6 +30,7 @@ ODOMETRY = [
     "odometry_kitti.txt",
     "odometry_tum.txt",
     "timings.csv",
+    "unfinished",
 ]  # written before loops
 STUCK = """
 import signal, sys, time
@@ -234,10 +237,10 @@ def names(folder: Path) -> list[str]:
 
 
 def test_a_run_stopped_in_the_odometry_keeps_the_earlier_run(lidarlift: Command, finished: Path) -> None:
-    before = {file.name: file.read_bytes() for file in Path("r").iterdir()}
+    before = {file: file.read_bytes() for file in Path("r").rglob("*") if file.is_file()}
     (finished / "velodyne" / "000005.bin").write_bytes(b"")
     assert lidarlift("run", finished, "--strict", "--out", "r").code == 1
-    assert {file.name: file.read_bytes() for file in Path("r").iterdir()} == before
+    assert {file: file.read_bytes() for file in Path("r").rglob("*") if file.is_file()} == before
 
 
 def test_a_run_stopped_in_the_optimisation_keeps_its_odometry(
@@ -261,7 +264,7 @@ def test_a_run_stopped_in_the_optimisation_keeps_its_odometry(
     assert read_report(folder)["counts"]["frames"] == 8
 
 
-@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
 def test_a_process_stopped_in_the_optimisation_keeps_its_odometry(
     street_drive: Drive, tmp_path: Path, stop: signal.Signals
 ) -> None:
@@ -275,10 +278,10 @@ def test_a_process_stopped_in_the_optimisation_keeps_its_odometry(
             _, err = process.communicate(timeout=60)
         finally:
             process.kill()
-    assert names(tmp_path / "r") == ODOMETRY
+    assert names(tmp_path / "r") == sorted([*ODOMETRY, *([".lock"] if stop is signal.SIGKILL else [])])
     assert len(read_poses(tmp_path / "r" / "odometry_tum.txt")[1]) == 3
-    if stop is signal.SIGINT:
-        assert process.returncode == 130
+    if stop is not signal.SIGKILL:
+        assert process.returncode == 128 + stop
         assert err.splitlines()[-1].startswith("Stopped")
         assert "Traceback" not in err
 
@@ -316,3 +319,39 @@ def test_stamp_and_field_of_times_can_be_set_and_are_reported(
 
 def test_a_data_set_without_fields_refuses_a_field_name(lidarlift: Command, street_drive: Drive) -> None:
     lidarlift("run", street_drive(), "--point-time", "t", "--out", "out").refused("--point-time is not for this kind")
+
+
+@pytest.mark.parametrize("name", ["figures", "session", "unfinished"])
+def test_links_in_the_run_folder_are_not_followed(
+    lidarlift: Command, street_drive: Drive, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "r").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "r" / name).symlink_to(tmp_path / "elsewhere")
+    lidarlift("run", street_drive(), "--frames", ":2", "--out", "r").refused(f"r/{name}: is a link")
+    assert list((tmp_path / "elsewhere").iterdir()) == []
+
+
+def test_the_name_of_a_data_set_is_no_path() -> None:
+    class Named(NamedTuple):
+        name: str
+
+    for name, folder in {
+        "../../etc/x": "etc-x-16",
+        "KITTI odometry 04": "kitti-odometry-04-16",
+        "..": "run-16",
+    }.items():
+        assert default_folder(cast(Dataset, Named(name)), "16") == Path("runs") / folder
+
+
+def test_a_second_run_into_the_folder_is_refused(street_drive: Drive, tmp_path: Path, lidarlift: Command) -> None:
+    arguments = ["run", str(street_drive()), "--frames", ":3", "--out", str(tmp_path / "r")]
+    command = [sys.executable, "-c", STUCK, *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "optimising\n"
+            lidarlift(*arguments).refused(f"process {process.pid} on ", "writes a run into this folder")
+        finally:
+            process.kill()
+    assert lidarlift(*arguments, "--resume").code == 0  # the lock of a process that was killed is free

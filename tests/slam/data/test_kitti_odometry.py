@@ -185,3 +185,22 @@ def test_a_scan_of_39_rings_keeps_their_true_numbers(odometry_root: Path, hdl64_
     assert "39 rings" in frame.problems[0].message
     assert frame.cloud.ring is not None
     assert frame.cloud.ring.tolist() == np.repeat(np.arange(39), 1800).tolist()
+
+
+@pytest.mark.parametrize(
+    ("line", "fault"),
+    [
+        ("P2: 0 0 600 0 0 0 180 0 0 0 1 0", "no positive focal lengths"),
+        ("P2: -700 0 600 0 0 700 180 0 0 0 1 0", "no positive focal lengths"),
+        ("P2: nan 0 600 0 0 700 180 0 0 0 1 0", "calib.txt"),
+        ("Tr: 0 1 0 0.1 0 0 -1 0.2 1 0 0 0.3", "not a rotation"),
+        ("Tr: 0 -2 0 0.1 0 0 -2 0.2 2 0 0 0.3", "not a rotation"),
+        ("Tr: 0 0 0 0 0 0 0 0 0 0 0 0", "not a rotation"),
+    ],
+)
+def test_a_calibration_of_no_camera_is_refused(odometry_root: Path, line: str, fault: str) -> None:
+    path = odometry_root / "sequences" / "04" / "calib.txt"
+    others = [kept for kept in path.read_text().splitlines() if not kept.startswith(line[:3])]
+    path.write_text("\n".join([*others, line]) + "\n")
+    with pytest.raises(InputError, match=fault):
+        open_dataset(odometry_root)

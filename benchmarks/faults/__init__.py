@@ -1,0 +1,1 @@
+"""Faults that runs must survive: kills, full disks, damaged input."""
