@@ -9,7 +9,7 @@ import numpy as np
 
 from eval.report.chart import Bars, Chart, Curve, Panel, Symbol
 from eval.report.content import Report
-from eval.runs import RunDetails
+from eval.runs import Frames, RunDetails
 from eval.text import number
 from slam.data.covariance_file import read_covariances
 
@@ -35,17 +35,11 @@ def _frames(report: Report) -> Iterator[Chart]:
     runs = report.runs
     if not runs:
         return
-    status, inliers, points, unobserved, sigma, time = ([] for _ in range(6))
+    inliers, points, unobserved, sigma, time = ([] for _ in range(5))
+    status: list[Curve] = []
     for k, (row, run) in enumerate(runs):
         frames, colour = run.frames, report.colours[row.label]
-        for name, symbol in SYMBOLS.items():
-            at = np.array(
-                [number for number, found in zip(frames.numbers, frames.status, strict=True) if found == name]
-            )
-            if len(at):
-                status.append(
-                    Curve(at, np.full(len(at), float(k)), f"{row.label}, {name}", colour, width=0, symbol=symbol)
-                )
+        status += _unusual(row.label, frames, float(k), colour)
         inliers.append(Curve(frames.numbers, frames.inlier_ratio, row.label, colour, width=1.5))
         points.append(Curve(frames.numbers, frames.points / 1000, row.label, colour, width=1.5))
         unobserved.append(Curve(frames.numbers, frames.unobserved, row.label, colour, width=1.5))
@@ -81,6 +75,14 @@ def _frames(report: Report) -> Iterator[Chart]:
         "frame",
         panels,
     )
+
+
+def _unusual(label: str, frames: Frames, height: float, colour: str) -> Iterator[Curve]:
+    """A point for each frame that was not simply registered, at a height of the panel."""
+    for name, symbol in SYMBOLS.items():
+        at = frames.numbers[np.array(frames.status) == name]
+        if len(at):
+            yield Curve(at, np.full(len(at), height), f"{label}, {name}", colour, width=0, symbol=symbol)
 
 
 def _consistency(report: Report) -> str:
