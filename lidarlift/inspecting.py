@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
+from lidarlift.inspecting_topics import TopicInfo, topics_of
+
 if TYPE_CHECKING:
     from slam.data.cloud import Array, PointCloud
     from slam.data.dataset import Dataset, DatasetOptions
@@ -20,28 +22,6 @@ MAX_SCANS = 12  # that are read, evenly spaced
 MAX_SPARSE_RINGS, DENSE_RINGS = 32, 64  # enrichment is useful; 16 rings can be selected, enriched and compared
 MAX_DIFFERENCE = 0.6  # deg, median over the rings of the difference between a ring's elevation and a sensor's line
 GAP = 1.5  # times the usual step between stamps
-PAUSE = 3.0  # times the usual step between messages, which networks deliver less evenly
-
-
-@dataclass(frozen=True)
-class TopicInfo:
-    """A topic of a recording.
-
-    Attributes:
-        name: Name of the topic.
-        type: Type of its messages, as ROS 2 writes it.
-        messages: Number of messages.
-        rate_hz: Messages per second.
-        longest_gap_s: Longest time [s] between successive messages that is much longer than usual; 0 without one.
-        use: How a run uses it; '' if it does not.
-    """
-
-    name: str
-    type: str
-    messages: int
-    rate_hz: float
-    longest_gap_s: float
-    use: str
 
 
 @dataclass(frozen=True)
@@ -181,7 +161,7 @@ def info(
         truth=truth,
         positions_only=data.ground_truth is None and positions is not None,
         truth_m=truth_m,
-        topics=_topics(data),
+        topics=topics_of(data),
         cameras=max((scan.cameras for scan in inspected), default=0),
         problems=_kinds([*data.problems, *(problem for scan in inspected for problem in scan.problems)]),
         commands=_commands(path, {"sequence": sequence, "sensor": sensor or looks_like, **options}, rings),
@@ -297,27 +277,6 @@ def _truth(positions: Array | None) -> tuple[int, float]:
         return 0, 0.0
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     return int(np.isfinite(positions[:, 0]).sum()), float(np.nansum(steps))
-
-
-def _topics(data: Dataset) -> tuple[TopicInfo, ...]:
-    """The topics of a recording, and how a run uses each."""
-    recording = getattr(data, "recording", None)
-    if recording is None:
-        return ()
-    from slam.data.recordings.recording import USES
-
-    uses = {topic: use.partition(" ")[0] for use, topic in getattr(data, "topics", {}).items()}
-    return tuple(
-        TopicInfo(
-            name,
-            topic.type,
-            topic.count,
-            topic.rate,
-            topic.longest_step if topic.longest_step * topic.rate > PAUSE else 0.0,
-            uses.get(name) or USES.get(topic.type, ""),
-        )
-        for name, topic in recording.topics.items()
-    )
 
 
 def _kinds(problems: Sequence[Problem]) -> tuple[tuple[str, int, str], ...]:

@@ -23,7 +23,10 @@ PAGE = ROOT / "docs" / "inputs.md"
 SECTIONS = {
     "Point files": "test_point_files.py",
     "Point times, rings, names and stamps": "test_times.py",
-    "Ground truth, poses, images and interrupted runs": "test_truth.py",
+    "Ground truth": "test_truth.py",
+    "Ground truth in runs, poses and pose graphs": "test_poses_and_graphs.py",
+    "Images and calibration": "test_images.py",
+    "Interrupted runs and output": "test_interrupted_runs.py",
 }
 INTRODUCTION = """# Tested inputs
 

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from slam.data.cloud import Array, Frame
 from slam.data.errors import InputError
-from slam.data.files import gaps
 from slam.data.packets.decoders import decoder_for, metadata_beside, metadata_file
 from slam.data.packets.pcap import SUFFIXES, Capture, Datagram
 from slam.data.packets.scans import PacketScans
@@ -87,8 +86,7 @@ class PacketSequence:
         self._columns = self._scans.with_known_rings(columns, self.sensor)
         self.point_times, self.rings = self._columns.times, self._columns.rings
         self.calibration = self.ground_truth = None
-        missing = gaps(self.numbers, path)
-        self.problems = (*others, *self._scans.problems, *missing, *self._columns.problems)
+        self.problems = (*others, *self._scans.problems, *self._columns.problems)
 
     def __len__(self) -> int:
         return len(self._scans)

@@ -10,6 +10,7 @@ import numpy as np
 
 from slam.data.cloud import Array
 from slam.data.errors import InputError
+from slam.data.files import gaps
 from slam.data.packets.ouster import OusterDecoder
 from slam.data.packets.sweeps import Arrival, Decoder, Packet, Sweep, sweeps_of
 from slam.data.point_files import Points, points_of
@@ -35,7 +36,7 @@ class PacketScans:
         stamps: (N,) float64 [s], of the first column or firing of each scan.
         stamps_from: The clock of the stamps.
         arrivals_s: (N,) float64 [s], arrival of the first packet of each scan by the recording machine's clock.
-        problems: Cut sweeps, and what is wrong with the stamps.
+        problems: Cut and lost sweeps, and what is wrong with the stamps.
 
     Raises:
         InputError: There are no packets with points.
@@ -48,7 +49,7 @@ class PacketScans:
         self.numbers = np.array([sweep.number - self._sweeps[0].number for sweep in self._sweeps])
         self.arrivals_s = np.array([sweep.arrival for sweep in self._sweeps])
         self.stamps, self.stamps_from, unusual = self._stamps()
-        self.problems = (*cut, *unusual)
+        self.problems = (*cut, *unusual, *gaps(self.numbers, where))
 
     def __len__(self) -> int:
         return len(self._sweeps)

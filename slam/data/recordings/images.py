@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from slam.data.cloud import Array
-from slam.data.image_damage import TAIL, UNKNOWN, fault_of
+from slam.data.image_damage import TAIL, UNKNOWN, fault_inside, fault_of
 from slam.data.images import ReportingReader
 from slam.data.point_blocks import UnreadableError
 from slam.data.problem import Problem
@@ -53,6 +53,9 @@ def image_of(content: bytes, kind: str, encoding: str) -> Array:
 def _unpacked(data: Array, form: str) -> Array:
     import cv2  # takes a while to import, and a LiDAR alone does not need it
 
+    content = data.tobytes()
+    if fault_of(content[:16], content[-TAIL:]) is None and (fault := fault_inside(content)):
+        raise UnreadableError(fault)
     image = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
     if image is None:
         raise UnreadableError(f"an image of {len(data)} bytes, format '{form}', that is no JPEG or PNG, or damaged")

@@ -158,6 +158,9 @@ def test_lost_packets_are_told(record: Record, form: str) -> None:
     data: Any = open_dataset(record([metadata(), *ouster(places)], form))
     assert [[problem.kind for problem in data[at].problems] for at in range(4)] == [[], [], ["lost packets"], []]
     assert len(data[2].cloud) == len(data[1].cloud) // 2
+    gone: Any = open_dataset(record([metadata(), *ouster([place for place in PLACES if place[0] != 2])], form, "gone"))
+    assert gone.numbers.tolist() == [0, 1, 3]
+    assert [problem.kind for problem in gone.problems] == ["gap in numbering"]
 
 
 def test_a_part_is_read_without_what_lies_before(record: Record) -> None:
