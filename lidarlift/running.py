@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lidarlift.camera_check import camera_problems
 from lidarlift.folders import require_apart
 from lidarlift.front_ends import front_end_maker, front_end_notes, input_name, opened, settings_for
 from lidarlift.kept_scan import KeptScan
@@ -197,6 +198,7 @@ class _Task:
                 on_stop=on_stop,
             )
         result.remarks = front_end_notes(self.settings.front_end, self.data.sensor, ring_count(self.data))
+        result.problems.extend(camera_problems(self.data, result))
         note_problems(result.problems, self.reporter)
         return result
 

@@ -81,8 +81,8 @@ def street() -> Street:
 
 
 def poses(count: int) -> Array:
-    """T_world_lidar (N, 4, 4) at 0.1 s: 7 m/s along the street, turning left and right."""
-    heading = 0.15 * np.sin(0.5 * np.arange(count))
+    """T_world_lidar (N, 4, 4) at 0.1 s: 7 m/s along the street, turning left at 14 deg/s."""
+    heading = 0.025 * np.arange(count) - 0.14
     found = np.array([se3.exp(np.array([0.0, 0.0, angle, 0.0, 0.0, 0.0])) for angle in heading])
     found[:, 0, 3] = 0.7 * np.arange(count)
     return found
