@@ -142,6 +142,8 @@ TOPICS = (
     ),
     Topic("simulation.simulator_speed", BOTH, 20),
     Topic("same_bytes", (*BOTH, "--sequence", "{kitti_odometry_04}", "--simulate", "100"), 20),
+    Topic("recordings.long_recordings", ("--forms", "mcap"), 10),
+    Topic("recordings.read_recordings", (), 5),
     Topic(
         "recordings.ouster_packets", (".peers/ouster-sdk/bin/python", "{ouster_captures}/*.pcap"), 5,
         (".peers/ouster-sdk/bin/python",),

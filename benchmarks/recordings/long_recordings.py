@@ -100,12 +100,11 @@ def page(found: Mapping[str, Any]) -> str:
             f"{figures['part']['memory_mb']}",
             f"{figures['part']['scans']}",
             f"{figures['part']['read_mb']:,.0f}",
-            f"{figures['part']['open_s']:.2f}",
         )
         for form, sizes in found["forms"].items()
         for figures in sizes.values()
     ]
-    reading = ("memory, all [MB]", "memory, part [MB]", "scans of the part", "read for it [MB]", "until it is open [s]")
+    reading = ("memory, all [MB]", "memory, part [MB]", "scans of the part", "read for it [MB]")
     return f"""
 # Long recordings
 

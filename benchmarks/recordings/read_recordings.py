@@ -129,10 +129,10 @@ def page(found: Mapping[str, Any]) -> str:
 `{about["command"]}`
 
 {about["scans"]} scans of {about["points"]:,} points, not packed, in the cache of the disk. rosbags
-({about["versions"]["rosbags"]}) hands over bytes or PointCloud2 messages; lidarlift hands over clouds, with
-intensities, rings and times in its units. Times are those of the processor, which do not depend on other programs.
-Medians of {len(next(iter(found["forms"].values()))[WAYS[0]])} rounds. The
-time until the first scan includes opening, and lidarlift looks at the first scans for what their columns mean.
+({about["versions"]["rosbags"]}) returns bytes or PointCloud2 messages with points as bytes; lidarlift returns
+clouds, with intensities, rings and times in its units. Times are those of the processor, which depend little on
+other programs; medians of {len(next(iter(found["forms"].values()))[WAYS[0]])} rounds. The time until the first
+scan includes opening, for which lidarlift reads the first scans to find the meaning of their columns.
 
 {table(("form", "reading", "until the first scan [ms]", "scans per second after it"), rows, words=2)}
 """
