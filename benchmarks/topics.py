@@ -105,6 +105,7 @@ BOTH = ("{before}", "{after}")
 TOPICS = (
     Topic("inputs.cases", (), 1, pages=("docs/inputs.md",), results=False),
     Topic("enriched.readme_picture", (), 2, pictures=("docs/enriched.png",), pages=(), results=False),
+    Topic("enriched.report_picture", (), 4, pictures=("docs/report.jpg",), pages=(), results=False),
     Topic(
         "simulation.scenes_picture", ("docs/scenes.jpg",), 20, pictures=("docs/scenes.jpg",), pages=(), results=False
     ),
