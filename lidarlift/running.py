@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lidarlift.camera_check import camera_problems
 from lidarlift.folders import require_apart
 from lidarlift.front_ends import front_end_maker, front_end_notes, input_name, opened, settings_for
-from lidarlift.kept_scan import KeptScan
 from lidarlift.reporting import Quiet, Reporter, note_problems
 from lidarlift.reports import report_run
 from lidarlift.watching.choice import Views, watched
@@ -19,6 +17,7 @@ from slam.data.errors import InputError
 
 if TYPE_CHECKING:
     from eval.metrics import RunMetrics
+    from lidarlift.kept_scan import KeptScan
     from slam.data.dataset import Dataset
     from slam.journal.journal import Journal
     from slam.recorded_odometry import RecordedOdometry
@@ -174,6 +173,7 @@ class _Task:
         on_stop: Callable[[Run], None] | None = None,
         kept: KeptScan | None = None,
     ) -> Run:
+        from lidarlift.camera_check import camera_problems
         from slam.compilation import compile_kernels
         from slam.data.dataset import ring_count
         from slam.pipeline import Pipeline
@@ -209,6 +209,7 @@ class _Task:
         from eval.plot import plot_run
         from eval.report.scan import save_scan
         from eval.report.writing import FIGURES
+        from lidarlift.kept_scan import KeptScan
         from slam.data.dataset import chosen_positions
         from slam.identity import identity
         from slam.journal.lock import locked

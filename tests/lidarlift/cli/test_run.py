@@ -43,6 +43,7 @@ def settle(self):
 
 BackEnd.settle = settle
 signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it for background processes
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup ignores it
 main()
 """
 

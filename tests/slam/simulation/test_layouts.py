@@ -171,7 +171,7 @@ def test_a_folder_is_resumed(courtyard: Courtyard, tmp_path: Path) -> None:
         ({"stamp": "end", "format": "folder"}, "--stamp end: the LiDAR does not move during a sweep"),
         ({"stamp": "never", "format": "folder"}, "stamp 'never'"),
         ({"rate": 20.0, "spacing": 1.0}, "--rate 20: conflicts with --spacing"),
-        ({"sensor": "vlp32"}, "unknown simulated sensor 'vlp32'; did you mean 'vlp32c'?"),
+        ({"sensor": "vlp32"}, "unknown sensor 'vlp32'; did you mean 'vlp32c'?"),
         ({"rate": 0.0}, "--rate 0"),
         ({"height": -1.0}, "--height -1"),
         ({"tilt": 2.0}, "--tilt 114.592"),
