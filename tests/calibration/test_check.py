@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -61,3 +62,16 @@ def test_a_run_reports_the_fault(recorded: Path) -> None:
     (problem,) = camera_problems(data, run)
     assert problem.kind == "camera"
     assert "deg in yaw" in problem.message
+
+
+@pytest.mark.parametrize("suffix", [".pcd", ".png"])
+def test_files_that_are_gone_do_not_end_a_run(recorded: Path, tmp_path: Path, suffix: str) -> None:
+    """The check reads frames again after the run, which may have taken hours."""
+    folder = Path(shutil.copytree(recorded, tmp_path / "copy"))
+    data: Any = open_dataset(folder)
+    still = np.tile(np.eye(4), (len(data), 1, 1))
+    source = SimpleNamespace(positions=range(len(data)))
+    run: Any = SimpleNamespace(source=source, records=range(len(data)), odometry_poses=still, stamps=data.stamps)
+    for file in folder.rglob(f"*{suffix}"):
+        file.unlink()
+    assert camera_problems(data, run) == ()
