@@ -28,8 +28,9 @@ from slam.journal.session_file import SessionFile
 from slam.journal.state import Frozen, freeze, thaw
 from slam.journal.state_file import read_state, write_state
 from slam.journal.tables import EDGE, FRAME, KEYFRAME, LOOP, PLACE, TABLES, text_of
-from slam.pipeline import Pipeline, Slam
+from slam.pipeline import Pipeline
 from slam.settings import Config
+from slam.slam import Slam
 
 PACKAGES = ("numpy", "gtsam")
 KEYFRAMES, FRAMES_PER_KEYFRAME, LOOP_EVERY = 5000, 4, 10
