@@ -55,17 +55,21 @@ class RunRecord:
     def add(self, last: Frame) -> None:
         """Write what is new after the frame `last`, whose pose is final, and a snapshot when it is time."""
         self.write_frames()
-        for problem in self.progress.run.problems[self.journal.counts()[PROBLEM.name] :]:
-            self.journal.append(PROBLEM, problem.kind, problem.message)
+        self.write_problems()
         if self.journal.snapshot_due():
-            self._snapshot(last)
+            self.snapshot(last)
 
     def write_frames(self) -> None:
         """Write the new frames, whose poses are final."""
         for record in self.progress.run.records[self.journal.counts()[FRAME.name] :]:
             self.journal.append(FRAME, *row_of(record))
 
-    def _snapshot(self, last: Frame) -> None:
+    def write_problems(self) -> None:
+        """Write the new problems."""
+        for problem in self.progress.run.problems[self.journal.counts()[PROBLEM.name] :]:
+            self.journal.append(PROBLEM, problem.kind, problem.message)
+
+    def snapshot(self, last: Frame) -> None:
         """Write a snapshot after the frame `last`, once that is mapped."""
         counts, now = self.journal.counts(), self.progress
         own = {"centres": np.array(now.centres), "timed": now.run.timed, "last": fingerprint(last.cloud)}
