@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 
 from lidarlift.front_ends import front_end_for, front_end_notes, settings_for
-from slam import pipeline
+from slam import slam
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
 from slam.data.point_files import points_of
@@ -77,7 +77,7 @@ class Slam:
         settings = settings_for(
             None if self._sensor is None else self._sensor.ring_count, input, enricher, config, overrides
         )
-        self._slam = pipeline.Slam(
+        self._slam = slam.Slam(
             settings,
             front_end_for(settings.front_end, self._sensor, NAME),
             source=Source(NAME, sensor=self._sensor, calibration=calibration),
