@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from types import TracebackType
@@ -218,7 +218,7 @@ class Mapper:
             own = freeze({"laps": self._laps, "completed": left})
             self.journal.snapshot(self.journal.counts() | counts, {**parts, "mapper": own})
 
-    def _restore(self, journal: Journal, state: dict[str, Any]) -> None:
+    def _restore(self, journal: Journal, state: Mapping[str, Any]) -> None:
         """Continue from a snapshot."""
         self._gatherer.restore(state["gathered"])
         self._search.restore(*places(journal.file, self.config))

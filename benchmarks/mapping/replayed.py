@@ -1,8 +1,8 @@
 """Waits of the odometry when scans arrive at the sensor's pace, peak memory, and the time of mapping, of two versions.
 
-    python -m benchmarks.mapping.replayed SEQUENCE [SEQUENCE ...] --before OLD/bin/python --after NEW/bin/python
+    python -m benchmarks.mapping.replayed OLD/bin/lidarlift NEW/bin/lidarlift SEQUENCE [SEQUENCE ...]
 
-Each version is the Python of an environment with a lidarlift of its own. They take turns, a process for each run.
+Each version is the command `lidarlift` of an environment of its own. They take turns, a process for each run.
 Inputs are 64 and enriched by ray segments and by Lift, as in `--inputs 64 ray-segment lift`; Lift takes nearly as long
 as a scan, so it runs as fast as it can, for its memory. Writes replayed.md and .json in benchmarks/results.
 """
@@ -38,40 +38,40 @@ WARM_UP = 10  # scans at the beginning that are left out: kernels are loaded
 
 def main() -> None:
     arguments = parser(__doc__)
+    arguments.add_argument("before", type=Path, help="the command of the older version")
+    arguments.add_argument("after", type=Path, help="that of the newer one")
     add_drives(arguments)
     arguments.add_argument("--inputs", nargs="+", choices=tuple(INPUTS), default=["64", "ray-segment", "lift"])
-    arguments.add_argument("--before", type=Path, required=True, help="Python of the older version")
-    arguments.add_argument("--after", type=Path, default=Path(sys.executable), help="that of the newer one")
     arguments.add_argument("--rounds", type=int, default=2, metavar="N", help="of all measurements (default: 2)")
     add_results(arguments)
     options = arguments.parse_args()
     if options.frames != ":" and not options.frames.startswith(":"):
         raise InputError(f"--frames {options.frames}: runs begin with the first scan; write :B")
-    pythons = dict(zip(VERSIONS, (options.before.absolute(), options.after.absolute()), strict=True))
+    commands = dict(zip(VERSIONS, (options.before.absolute(), options.after.absolute()), strict=True))
     found: dict[str, Any] = {}
     for folder in options.datasets:
         entry = found.setdefault(open_dataset(folder).name, {})
         for number in range(options.rounds):
             for name in options.inputs:
                 for version in VERSIONS if number % 2 == 0 else VERSIONS[::-1]:
-                    turn = _turn(pythons[version], folder, name, options.frames[1:])
-                    print(entry, name, version, turn["peak_mb"], file=sys.stderr)
+                    turn = _turn(commands[version], folder, name, options.frames[1:])
+                    print(folder.name, name, version, turn["peak_mb"], file=sys.stderr)
                     entry.setdefault(name, {}).setdefault(version, []).append(turn)
     about = surroundings(("numpy", "numba", "gtsam", "onnxruntime")) | {"usable_cores": usable_cores()}
     write_results(options.results, "replayed", {"about": about, **found}, page)
 
 
-def _turn(python: Path, folder: Path, name: str, frames: str) -> dict[str, Any]:
+def _turn(version: Path, folder: Path, name: str, frames: str) -> dict[str, Any]:
     """One run of one version in a process of its own; waits as percentiles."""
     words = ["--input", "64" if name == "64" else "enriched", *INPUTS[name]]
     words += ["--frames", frames] if frames else []
     words += ["--rate", "0"] if name in UNPACED else []
     words += ["--stages", str(STAGES)] if name == "64" else []
     with tempfile.TemporaryDirectory() as out:
-        command = [str(python), str(RUN), str(folder), f"{out}/run", *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=python.parents[2])
+        command = [str(version.with_name("python")), str(RUN), str(folder.absolute()), f"{out}/run", *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=out)
     if done.returncode:
-        raise InputError(f"{python}: the run failed: {done.stderr.strip().splitlines()[-1:]}")
+        raise InputError(f"{version}: the run failed: {done.stderr.strip().splitlines()[-1:]}")
     turn: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     for key in ("begins_ms", "ends_ms"):
         if key in turn:

@@ -42,7 +42,11 @@ def main() -> None:
     about: Any = {"input": options.input, "enricher": options.enricher, "frames": slice(options.frames)}
     run = lidarlift.run(data, **about, out=options.folder, observer=watch)
     assert run.mapping is not None
-    found = {"frames": len(run.records), "keyframes": len(run.mapping.keyframes), "peak_mb": peak_memory()}
+    found: dict[str, Any] = {
+        "frames": len(run.records),
+        "keyframes": len(run.mapping.keyframes),
+        "peak_mb": peak_memory(),
+    }
     if due:
         found |= _waits(run, np.array(due), np.array(watch.registered_at))
     if options.stages:
