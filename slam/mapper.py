@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.machine import trim_memory
 from slam.gathering import Completed, Gatherer
 from slam.graph.back_end import BackEnd
 from slam.journal.journal import Journal
@@ -74,7 +75,9 @@ class Mapper:
         self.close(wait=kind is None)  # after an exception, do not wait for a solver
 
     def close(self, wait: bool = True) -> None:
-        """End the threads; without `wait`, their current tasks continue in the background."""
+        """End the threads; without `wait`, what they are working at continues in the background."""
+        if not wait:
+            self._completed.clear()
         self._gathering.shutdown(wait=wait, cancel_futures=True)
         self._searching.shutdown(wait=wait, cancel_futures=True)
 
@@ -126,6 +129,7 @@ class Mapper:
         ledger, poses = self._back_end.ledger(), self._optimised()
         if self._record:
             self._record.result(poses, ledger)
+        trim_memory()
         world = build_map(self._keyframes, poses, self.config.map)
         return MappingResult(poses, self._keyframes, ledger, self._back_end.graph(), world)
 
@@ -217,6 +221,7 @@ class Mapper:
             left = [completed for completed in tuple(self._completed) if completed.count <= counts[KEYFRAME.name]]
             own = freeze({"laps": self._laps, "completed": left})
             self.journal.snapshot(self.journal.counts() | counts, {**parts, "mapper": own})
+            trim_memory()
 
     def _restore(self, journal: Journal, state: Mapping[str, Any]) -> None:
         """Continue from a snapshot."""
