@@ -32,6 +32,7 @@ OUTSIDE = {
     "CHANGELOG.md": "changelog.md",
     "examples/README.md": "examples.md",
     "benchmarks/README.md": "results/index.md",
+    "benchmarks/RUNNING.md": "results/running.md",
 }
 FOLDERS = {"benchmarks/results": "results", "enrichment/weights": "weights"}  # of all their pages and pictures
 COMMANDS = "command-line.md"  # which says where the text comes from; the site has the text
