@@ -362,6 +362,8 @@ class Track:
         About as many points must fit as in the last scans. If somewhat fewer fit or meet the map, the last scan itself
         must agree, unless the one before this failed: traffic may be dense.
         """
+        if self.settings.target == "scan" and self._registered < OVERLAP_WINDOW:
+            return True  # against a single scan the share of points that fit varies
         fit = found.inlier_ratio / (self._mean_inliers or 1.0)
         if fit < MIN_INLIER_RATIO:
             return False
