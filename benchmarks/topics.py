@@ -137,6 +137,7 @@ TOPICS = (
     Topic("loops.loop_verification", CLOUDS, 40),
     Topic("loops.back_end", ("{posegraphs}/..",), 60, also=("trajectories",)),
     Topic("loops.kiss_slam", ("{trajectories}",), 120, (".peers/kiss-slam/bin/python",)),
+    Topic("mapping.replayed", (*BOTH, "{kitti_raw_0013}", "{loop}"), 30),
     Topic("mapping.moving_objects", ("{loop}", "{kitti_raw_0013}", "{kitti_raw_0005}"), 20),
     Topic("calibration.extrinsics", ("{loop}", "{kitti_raw_0005}", "{kitti_raw_0013}"), 10),
     Topic(
