@@ -89,11 +89,10 @@ def targets(results: Mapping[str, Any]) -> list[tuple[str, ...]]:
         ("NEES along an axis, minimum over sequences", min(along, default=None), ">=", LEAST, 2),
         ("NEES along an axis, maximum over sequences", max(along, default=None), "<=", MOST, 2),
     ]
+    over = [entry.get("nees_over_keyframes", {}) for *_, entry in cases]
     for length in LENGTHS:
         name = f"NEES of the {ABSOLUTE}" if length == ABSOLUTE else f"NEES over keyframes: {length}"
-        all_axes = [
-            entry["nees_over_keyframes"][length]["all"] for *_, entry in cases if length in entry["nees_over_keyframes"]
-        ]
+        all_axes = [figures[length]["all"] for figures in over if length in figures]
         within = [LEAST <= value <= MOST for value in all_axes]
         aims.append(
             (f"{name}, share within {LEAST:g} to {MOST:g}", sum(within) / len(within) if within else None, ">=", 1, 2)
@@ -152,7 +151,7 @@ def _nees(cases: Cases) -> Iterator[tuple[str, ...]]:
 
 def _over_keyframes(cases: Cases) -> Iterator[tuple[str, ...]]:
     for drive, name, entry in cases:
-        by_length = entry["nees_over_keyframes"]
+        by_length = entry.get("nees_over_keyframes", {})
         values = {length: figures["all"] for length, figures in by_length.items()}
         axes = [value for figures in by_length.values() for axis, value in figures.items() if axis != "all"]
         missed = [length for length, value in values.items() if not LEAST <= value <= MOST]
