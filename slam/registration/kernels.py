@@ -31,7 +31,7 @@ MAX_INDEPENDENT_POINTS = 10.0  # of a cell, for the variance of its normal's til
 TILT_GATE = 9.0  # factor on the variance of the tilt, three sigma: below it a surface may face a direction by noise
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _key(x, y, z, inverse_size):
     i = np.int64(math.floor(x * inverse_size)) & _MASK
     j = np.int64(math.floor(y * inverse_size)) & _MASK
@@ -39,7 +39,7 @@ def _key(x, y, z, inverse_size):
     return (i << (2 * _BITS)) | (j << _BITS) | k
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _find(table, key):
     """Slot of `key`, or the free slot for it.
 
@@ -56,14 +56,14 @@ def _find(table, key):
     return slot
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _lookup(table, key):
     """Row of the cell with `key`; -1 if there is none."""
     slot = _find(table, key)
     return -1 if table[slot, 0] == EMPTY else table[slot, 1]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _rotated(pose, x, y, z):
     """The vector [x y z] rotated by a pose."""
     return (
@@ -133,7 +133,7 @@ def downsample(xyz, weight, size, min_range, max_range, table):
     return centroids, weights, source[:count].copy(), fits
 
 
-@njit(inline="always")
+@njit
 def eigenvalues(A):
     """Return the eigenvalues of a symmetric A (3, 3), ascending, by the trigonometric solution (Smith 1961)."""
     mean = (A[0, 0] + A[1, 1] + A[2, 2]) / 3.0
@@ -151,7 +151,7 @@ def eigenvalues(A):
     return smallest, 3.0 * mean - smallest - largest, largest
 
 
-@njit(inline="always")
+@njit
 def eigenvector(A, value):
     """Return the unit eigenvector of a symmetric A (3, 3) for a simple eigenvalue.
 
@@ -173,17 +173,17 @@ def eigenvector(A, value):
     return ax * inverse, ay * inverse, az * inverse
 
 
-@njit(inline="always")
-def _across_rings(x, y, z, mean, pose):
-    """Squared cosine between a unit vector and the direction from ring to ring, for a sensor at `pose`."""
-    rx, ry, rz = mean[0] - pose[0, 3], mean[1] - pose[1, 3], mean[2] - pose[2, 3]
+@njit
+def _across_rings(x, y, z, row, pose):
+    """Squared cosine between a unit vector and the direction from ring to ring at a cell, for a sensor at `pose`."""
+    rx, ry, rz = row[_MEAN] - pose[0, 3], row[_MEAN + 1] - pose[1, 3], row[_MEAN + 2] - pose[2, 3]
     squared = rx * rx + ry * ry + rz * rz + 1e-12
     along = (pose[0, 2] * rx + pose[1, 2] * ry + pose[2, 2] * rz) / squared
     ex, ey, ez = pose[0, 2] - along * rx, pose[1, 2] - along * ry, pose[2, 2] - along * rz
     return (x * ex + y * ey + z * ez) ** 2 / (ex * ex + ey * ey + ez * ez + 1e-12)
 
 
-@njit(inline="always")
+@njit
 def _information_from_covariance(cell, A, ridge, gaussians):
     """Set the information to the full inverse covariance, as in the paper's eq. 4."""
     xx, yy, zz = A[0, 0] + ridge, A[1, 1] + ridge, A[2, 2] + ridge
@@ -198,7 +198,7 @@ def _information_from_covariance(cell, A, ridge, gaussians):
     gaussians[cell, 8] = (xx * yy - xy * xy) * inverse
 
 
-@njit(inline="always")
+@njit
 def _information_from_surface(cell, A, ridge, size, row, pose, gaussians):
     """Set the information along the directions in which a surface is thin: a plane's normal, both sides of an edge.
 
@@ -215,7 +215,7 @@ def _information_from_surface(cell, A, ridge, size, row, pose, gaussians):
         _add_information(cell, x, y, z, smallest, ridge, size, gaussians)
         return
     wx, wy, wz = eigenvector(A, largest)
-    if _across_rings(wx, wy, wz, row[_MEAN : _MEAN + 3], pose) < MIN_CROSSING:
+    if _across_rings(wx, wy, wz, row, pose) < MIN_CROSSING:
         return
     x, y, z = eigenvector(A, smallest)
     x, y, z = _perpendicular(x, y, z, wx, wy, wz)
@@ -223,7 +223,7 @@ def _information_from_surface(cell, A, ridge, size, row, pose, gaussians):
     _add_information(cell, y * wz - z * wy, z * wx - x * wz, x * wy - y * wx, middle, ridge, size, gaussians)
 
 
-@njit(inline="always")
+@njit
 def _perpendicular(x, y, z, wx, wy, wz):
     """The component of a vector perpendicular to the unit vector w, normalised.
 
@@ -242,7 +242,7 @@ def _perpendicular(x, y, z, wx, wy, wz):
     return x * inverse, y * inverse, z * inverse
 
 
-@njit(inline="always")
+@njit
 def _add_information(cell, x, y, z, variance, ridge, size, gaussians):
     """Add information along a unit vector; none if the points spread over the whole cell."""
     gain = max(0.0, 1.0 - 12.0 * variance / (size * size)) / (variance + ridge)
@@ -254,7 +254,7 @@ def _add_information(cell, x, y, z, variance, ridge, size, gaussians):
     gaussians[cell, 8] += gain * z * z
 
 
-@njit(inline="always")
+@njit
 def _update_gaussian(cell, sums, gaussians, regularisation, size, surfaces, pose, A):
     """Compute a cell's mean and information from its sums; `floor` of the trace keeps flat cells invertible."""
     row = sums[cell]
@@ -275,13 +275,13 @@ def _update_gaussian(cell, sums, gaussians, regularisation, size, surfaces, pose
         _information_from_covariance(cell, A, ridge, gaussians)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _has_information(S):
     """Whether a cell's Gaussian constrains a point along any direction."""
     return S[3] + S[6] + S[8] > 0.0
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _add_cell(key, slot, cell, table, sums, gaussians, cell_keys):
     """Add an empty cell at a free slot."""
     table[slot, 0] = key
@@ -321,7 +321,7 @@ def insert(
     """
     A = np.empty((3, 3))
     inverse_size = 1.0 / size
-    cells = np.empty(len(xyz), np.int32)
+    cells = np.empty(len(xyz), np.int64)
     last_key, cell = EMPTY, 0
     for i in range(len(xyz)):  # a loop of its own, as in `_cells_of`
         x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
@@ -334,7 +334,7 @@ def insert(
                 count += 1
             cell = table[slot, 1]
         cells[i] = cell
-    touched = np.empty(len(xyz), np.int32)
+    touched = np.empty(len(xyz), np.int64)
     touches = 0
     last_cell = -1
     for i in range(len(xyz)):
@@ -382,8 +382,10 @@ def evict(centre, radius, table, sums, gaussians, cell_keys, count):
             squared += (sums[cell, _MEAN + axis] - centre[axis]) ** 2
         if squared > radius * radius:
             continue
-        sums[kept] = sums[cell]
-        gaussians[kept] = gaussians[cell]
+        for column in range(sums.shape[1]):
+            sums[kept, column] = sums[cell, column]
+        for column in range(gaussians.shape[1]):
+            gaussians[kept, column] = gaussians[cell, column]
         cell_keys[kept] = cell_keys[cell]
         slot = _find(table, cell_keys[kept])
         table[slot, 0] = cell_keys[kept]
@@ -402,7 +404,7 @@ def rehash(cell_keys, count, table):
         table[slot, 1] = cell
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _add_point(H, g, u, S, qx, qy, qz, fx, fy, fz):
     """Add u J^T S J to the upper triangle of H and J^T f to g, for J = [-[q]_x, I], the products written out."""
     xx, xy, xz, yy, yz, zz = u * S[3], u * S[4], u * S[5], u * S[6], u * S[7], u * S[8]
@@ -439,13 +441,13 @@ def _add_point(H, g, u, S, qx, qy, qz, fx, fy, fz):
     g[5] += fz
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _cells_of(xyz, pose, size, neighbours, table):
-    """Rows (N, neighbours) int32 of the cells of points, -1 where there is none.
+    """Rows (N, neighbours) of the cells of points, -1 where there is none.
 
     In a loop of its own, many of the lookups, which miss the cache, are under way at once.
     """
-    cells = np.empty((len(xyz), neighbours), np.int32)
+    cells = np.empty((len(xyz), neighbours), np.int64)
     inverse_size = 1.0 / size
     for i in range(len(xyz)):
         x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
@@ -619,13 +621,13 @@ def support(xyz, weight, pose, size, kernel, axes, table, gaussians):
     return normals / total, beyond_tilt / total
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _information_along(S, x, y, z):
     """v^T S v: the information of a Gaussian along a direction."""
     return x * (S[3] * x + 2.0 * (S[4] * y + S[5] * z)) + y * (S[6] * y + 2.0 * S[7] * z) + z * S[8] * z
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _mahalanobis(S, x, y, z):
     """Squared Mahalanobis distance of a point to a Gaussian."""
     return _information_along(S, x - S[0], y - S[1], z - S[2])
@@ -731,7 +733,7 @@ def clustered_scatter(xyz, scores, size, table):
     """
     table[:, 0] = EMPTY
     inverse_size = 1.0 / size
-    cells = np.empty(len(xyz), np.int32)
+    cells = np.empty(len(xyz), np.int64)
     count = 0
     for i in range(len(xyz)):
         key = _key(xyz[i, 0], xyz[i, 1], xyz[i, 2], inverse_size)
