@@ -198,7 +198,7 @@ def _information_from_covariance(cell, A, ridge, gaussians):
     gaussians[cell, 8] = (xx * yy - xy * xy) * inverse
 
 
-@njit
+@njit(forceinline=True)
 def _information_from_surface(cell, A, ridge, size, row, pose, gaussians):
     """Set the information along the directions in which a surface is thin: a plane's normal, both sides of an edge.
 
@@ -242,7 +242,7 @@ def _perpendicular(x, y, z, wx, wy, wz):
     return x * inverse, y * inverse, z * inverse
 
 
-@njit
+@njit(forceinline=True)
 def _add_information(cell, x, y, z, variance, ridge, size, gaussians):
     """Add information along a unit vector; none if the points spread over the whole cell."""
     gain = max(0.0, 1.0 - 12.0 * variance / (size * size)) / (variance + ridge)
@@ -254,7 +254,7 @@ def _add_information(cell, x, y, z, variance, ridge, size, gaussians):
     gaussians[cell, 8] += gain * z * z
 
 
-@njit
+@njit(forceinline=True)
 def _update_gaussian(cell, sums, gaussians, regularisation, size, surfaces, pose, A):
     """Compute a cell's mean and information from its sums; `floor` of the trace keeps flat cells invertible."""
     row = sums[cell]
