@@ -22,7 +22,7 @@ from slam.graph.drift import MotionErrors, accumulating, map_errors
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.uncertainty import frame_covariances
 from slam.mapper import LoopProgress, MappingResult, drift_per_metre
-from slam.segments import GAP_COVARIANCE, segment_starts
+from slam.segments import GAP_COVARIANCE, segment_starts, unjoined
 from slam.settings import Config
 
 #: Stages of a frame; "waiting" is the time that the odometry waits for the mapper, which has stages of its own.
@@ -160,12 +160,20 @@ class Run:
         are those of each registration, of the drift of the local map, and of the accepted loops. Takes about 0.3 ms per
         frame.
         """
-        keyframes = self.mapping.keyframes.indices if self.mapping else np.zeros(0, int)
+        poses, keyframes = self.poses, self.mapping.keyframes.indices if self.mapping else np.zeros(0, int)
         graph = self.mapping.graph if self.mapping else PoseGraph(np.zeros((0, 4, 4)), ())
-        starts = keyframes[segment_starts(graph.edges[: max(len(keyframes) - 1, 0)])]
-        errors = self._motion_errors(starts.tolist())
+        motions = max(len(keyframes) - 1, 0)
+        places = segment_starts(graph.edges[:motions])
+        starts = keyframes[places].tolist()
+        errors = self._motion_errors(starts)
         errors.drift[starts] = GAP_COVARIANCE
-        return frame_covariances(self.poses, errors, keyframes, graph)
+        covariances = frame_covariances(poses, errors, keyframes, graph)
+        for segment in unjoined(places, graph.edges[motions:]):
+            begin, end = starts[segment - 1], [*starts, len(poses)][segment]
+            for frame in range(begin, end):
+                Ad = se3.adjoint(se3.inverse(poses[frame]) @ poses[begin])
+                covariances[frame] += Ad @ GAP_COVARIANCE @ Ad.T
+        return covariances
 
     def _motion_errors(self, starts: Sequence[int]) -> MotionErrors:
         """Errors of the odometry, whose local maps began at the first frame and at `starts`."""

@@ -14,6 +14,9 @@ from slam.graph.drift import MotionErrors
 from slam.graph.pose_graph import Edge, PoseGraph, disagreement, odometry_poses, reversed_edge, symmetric
 from slam.graph.solver import pose_covariances
 
+#: Maximum variance [m²] along an axis in the graph. Cholesky's method fails where edges of very different certainty
+#: meet; beyond it an edge, as that between two segments, tells nothing to a graph that loops connect.
+MAX_VARIANCE = 4.0
 RIDGE = 1e-18 * np.eye(6)  # rad², m²: two scans at one place have a motion without error, whose inverse is needed
 
 
@@ -22,7 +25,8 @@ def frame_covariances(poses: Array, errors: MotionErrors, keyframes: Array, grap
 
     The local map at a keyframe has its marginal covariance in a graph of the drift and the loops. Between two keyframes
     it has that of the chain of drifts from one to the other, given both, to first order. A pose has the error of its
-    registration as well, and so has the first. Memory and time are linear in N.
+    registration as well, and so has the first. An edge with more than `MAX_VARIANCE` counts as if it had that. Memory
+    and time are linear in N.
 
     Args:
         poses: (N, 4, 4) of frames 0, 1 ..
@@ -42,7 +46,7 @@ def frame_covariances(poses: Array, errors: MotionErrors, keyframes: Array, grap
         scale = drift_scale(edges, loops)
         motions, edges = scale * motions, [replace(edge, covariance=scale * edge.covariance) for edge in edges]
         _chain(covariances, motions, steps, range(1, first + 1))
-        own, cross = pose_covariances([*edges, *loops], graph.poses)
+        own, cross = pose_covariances([*(_clipped(edge) for edge in edges), *loops], graph.poses)
         to_first = [se3.adjoint(se3.inverse(poses[frame]) @ poses[first]) for frame in keyframes]
         start = covariances[first].copy()
         for k, (frame, Ad) in enumerate(zip(keyframes, to_first, strict=True)):
@@ -83,6 +87,11 @@ def drift_scale(odometry: Sequence[Edge], loops: Sequence[Edge]) -> float:
         between = covariances[j] - Ad @ covariances[i] @ Ad.T  # the errors of the motions are independent
         misfits.append(disagreement(loop if loop.i < loop.j else reversed_edge(loop), poses, symmetric(between)))
     return max(1.0, float(np.mean(misfits)) / 6)
+
+
+def _clipped(edge: Edge) -> Edge:
+    """The edge with at most `MAX_VARIANCE`, the ratio of its variances unchanged."""
+    return replace(edge, covariance=edge.covariance * min(1.0, MAX_VARIANCE / edge.covariance[3:, 3:].max()))
 
 
 def _drift_edges(odometry: Sequence[Edge], drift: Array, steps: list[Array], keyframes: Array) -> list[Edge]:

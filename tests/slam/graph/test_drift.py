@@ -11,6 +11,7 @@ from slam.data.cloud import Array
 from slam.graph.drift import YOUNG, MotionErrors, accumulating, map_errors
 from slam.graph.pose_graph import Edge, PoseGraph
 from slam.graph.uncertainty import drift_scale, frame_covariances
+from slam.segments import GAP_COVARIANCE
 
 X = 3  # index of x in (rotation, translation)
 OBSERVED = np.zeros((0, 6))
@@ -77,6 +78,24 @@ def test_loops_do_not_correct_the_tilt_of_a_young_map() -> None:
     assert (errors.hidden[int(YOUNG) :] == 0).all()
     assert tilts[1] == pytest.approx(tilts[0], rel=0.05)
     assert tilts[0] > 100 * errors.own[-1, 1, 1]
+
+
+@pytest.mark.parametrize("sigma", [1e-6, 1e-4])
+def test_a_gap_beside_tight_motions_is_bridged_by_a_loop(sigma: float) -> None:
+    """Edges of very different certainty: a new segment begins at frame 10, and a loop may join it."""
+    poses, keyframes = _straight(20), np.array([0, 5, 10, 15])
+    covariances = np.tile(sigma**2 * np.eye(6), (20, 1, 1))
+    errors = map_errors(poses, covariances, [OBSERVED] * 20, np.zeros(20, bool), [10])
+    errors.drift[10] = GAP_COVARIANCE
+    between = [se3.inverse(poses[a]) @ poses[b] for a, b in ((0, 5), (5, 10), (10, 15), (0, 15))]
+    edges = [Edge(k, k + 1, pose, np.eye(6)) for k, pose in enumerate(between[:3])]
+    loop = Edge(0, 3, between[3], 1e-4 * np.eye(6))
+    alone, joined = (
+        np.sqrt(frame_covariances(poses, errors, keyframes, PoseGraph(poses[keyframes], tuple(some)))[:, X, X])
+        for some in (edges, [*edges, loop])
+    )
+    assert alone[9] < 0.02 < 1.0 < alone[10]
+    assert joined[12] == pytest.approx(0.01, rel=0.2)
 
 
 def test_covariances_are_consistent_with_drawn_anticorrelated_motions() -> None:
