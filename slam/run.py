@@ -18,10 +18,11 @@ from slam.data.ground_truth import UNSETTLED, GroundTruth, settled_truth
 from slam.data.point_times import PointTimes
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
+from slam.gathering import drift_per_metre
 from slam.graph.drift import MotionErrors, accumulating, map_errors
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.uncertainty import frame_covariances
-from slam.mapper import LoopProgress, MappingResult, drift_per_metre
+from slam.mapping_result import LoopProgress, MappingResult
 from slam.segments import GAP_COVARIANCE, segment_starts, unjoined
 from slam.settings import Config
 
