@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from slam.data.cloud import PointCloud
+from slam.data.camera import with_colour
+from slam.data.cloud import Calibration, PointCloud
 from slam.loops.closing import LoopSearch
 from slam.loops.verification import Verifier
 from slam.mapping.global_map import build_map
@@ -29,8 +30,9 @@ def compile_kernels(config: Config, notify: Callable[[], None]) -> None:
             odometry.register(cloud, stamp)
         assert odometry.target is not None
         odometry.target.evict(np.zeros(3), 1.0)
+        coloured = with_colour(cloud, np.zeros((8, 8, 3), np.uint8), Calibration(np.eye(3), np.eye(4)))
         keyframes = Keyframes(config.keyframes)
-        keyframes.add(cloud, np.eye(4), 0, 0.0)
+        keyframes.add(coloured, np.eye(4), 0, 0.0)
         keyframes.finish()
         search = LoopSearch(config.loops)
         search.next(keyframes)
