@@ -100,7 +100,7 @@ class KeyframeSettings(Settings):
     min_range: float = Field(2.5, ge=0)  # m; nearer points are the vehicle itself
     max_range: float = Field(80.0, gt=0, le=90)  # m; as far as scan context describes
     max_sigma: float = Field(0.2, gt=0)  # m; predicted points with a larger sigma would blur the map
-    memory_mb: float = Field(1000.0, ge=0)  # for clouds: about 1100 keyframes at 64 channels; older ones go to disk
+    memory_mb: float = Field(150.0, ge=0)  # for clouds: about 130 keyframes at 64 channels; older ones go to disk
 
 
 class ScanContextSettings(Settings):
