@@ -17,6 +17,7 @@ DATA = {
     "kitti_00_keyframes": "keyframes of KITTI odometry 00, with poses",
     "nclt_20130110": "keyframes of NCLT 2013-01-10, with poses",
     "trajectories": "kitti_05_ground_truth.txt and others, the paths that towns are built along",
+    "town_vlp16": "`lidarlift simulate town_vlp16 --drive loop --spacing 2.5 --sensor vlp16 --seed 1`",
     "posegraphs": "public pose graphs in g2o format",
     "ouster_captures": "packet captures of Ouster LiDARs with their metadata",
     "loop": "the simulated loop with a camera, simulated when it is missing",
@@ -137,6 +138,8 @@ TOPICS = (
     Topic("loops.loop_verification", CLOUDS, 40),
     Topic("loops.back_end", ("{posegraphs}/..",), 60, also=("trajectories",)),
     Topic("loops.kiss_slam", ("{trajectories}",), 120, (".peers/kiss-slam/bin/python",)),
+    Topic("loops.long_run", ("{loop}", "--frames", "20000"), 20, pictures=_picture("long_run")),
+    Topic("faults.session_cost", ("{town_vlp16}",), 3),
     Topic("mapping.moving_objects", ("{loop}", "{kitti_raw_0013}", "{kitti_raw_0005}"), 20),
     Topic("calibration.extrinsics", ("{loop}", "{kitti_raw_0005}", "{kitti_raw_0013}"), 10),
     Topic(
