@@ -150,10 +150,9 @@ class Mapper:
 
     def _close_completed(self) -> None:
         """In the second thread: add all complete keyframes to the graph, and search their loops."""
-        self._write_snapshots()
         while self._completed:
+            self._write_snapshots()  # those from before this keyframe was complete: it must not be in the graph yet
             self._close(self._completed.popleft())
-            self._write_snapshots()
 
     def _close(self, completed: Completed) -> None:
         """Add a keyframe to the graph, and search loops of the keyframes whose submaps are complete with it."""
