@@ -126,6 +126,7 @@ TOPICS = (
     Topic("enriched.lift_odometry", (*KITTI, *HELD_OUT), 90),
     Topic("depth.depth_methods", KITTI, 60),
     Topic("depth.lift_depth", (*KITTI, *TRAINED), 120),
+    Topic("depth.lift_time", ("{kitti_raw_0005}", "--before", "{before}"), 15),
     Topic("depth.lift_adaptation", ("{work}/lift_adaptation",), 120, ("torch",)),
     Topic("weights.network_seeds", ("{network_packs}",), 600, ("torch",)),
     Topic("loops.simulated_loops", ("{trajectories}",), 90, pictures=_picture("simulated_loops")),
