@@ -1,9 +1,14 @@
-"""Compilation of the numba kernels before a run, so that the first frames are not slow and the user is told."""
+"""Compilation of the numba kernels before they are needed, so that the user is told and no frame has to wait.
+
+numba compiles a kernel for the types of its first arguments, and keeps the result on disk. So each function here calls
+the kernels as a run calls them, on a few points; with the kernels on disk this takes less than half a second.
+"""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -15,26 +20,70 @@ from slam.mapping.keyframes import Keyframes
 from slam.odometry import Odometry
 from slam.settings import Config
 
+PATIENCE = 1.5  # s until the user is told
+
 
 def compile_kernels(config: Config, notify: Callable[[], None]) -> None:
-    """Load the numba kernels from the cache or compile them; call `notify` once if this takes more than 1.5 s."""
-    timer = threading.Timer(1.5, notify)
+    """Load all kernels of a run from the disk or compile them; call `notify` once if this takes more than PATIENCE."""
+    compile_odometry(config, notify)
+    for compile_some in _of_mapping(config):
+        compile_some()
+
+
+def compile_odometry(config: Config, notify: Callable[[], None]) -> None:
+    """Load the kernels of the odometry from the disk or compile them; `notify` as in `compile_kernels`."""
+    timer = threading.Timer(PATIENCE, notify)
     timer.start()
     try:
-        random = np.random.default_rng(0)
-        xyz = random.uniform(-10, 10, (2000, 3)).astype(np.float32)
-        cloud = PointCloud(xyz, np.zeros(2000), time=np.zeros(2000))
+        cloud = _cloud()
         odometry = Odometry(config.odometry, vertical_correction=0.01)
         for stamp in (0.0, 0.1, 0.2):
             odometry.register(cloud, stamp)
         assert odometry.target is not None
         odometry.target.evict(np.zeros(3), 1.0)
-        keyframes = Keyframes(config.keyframes)
-        keyframes.add(cloud, np.eye(4), 0, 0.0)
-        keyframes.finish()
-        search = LoopSearch(config.loops)
-        search.next(keyframes)
-        Verifier(config.loops.verification).verify(keyframes, 0, 0, np.eye(4))
-        build_map(keyframes, keyframes.poses, config.map)
     finally:
         timer.cancel()
+
+
+@contextmanager
+def compiling_mapping(config: Config) -> Iterator[None]:
+    """Load the kernels of keyframes, loops and map from the disk or compile them in a thread, in a `with` statement.
+
+    The thread ends early if the statement ends before. A kernel that is needed meanwhile waits until it is compiled.
+    """
+    stopped = threading.Event()
+
+    def work() -> None:
+        for compile_some in _of_mapping(config):
+            if stopped.is_set():
+                return
+            compile_some()
+
+    thread = threading.Thread(target=work, name="compilation")
+    thread.start()
+    try:
+        yield
+    finally:
+        stopped.set()
+        thread.join()
+
+
+def _of_mapping(config: Config) -> list[Callable[[], object]]:
+    """Calls of the kernels of keyframes, loops and map, in the order in which a run needs them."""
+    keyframes, search = Keyframes(config.keyframes), LoopSearch(config.loops)
+
+    def add() -> None:
+        keyframes.add(_cloud(), np.eye(4), 0, 0.0)
+        keyframes.finish()
+
+    return [
+        add,
+        lambda: search.next(keyframes),
+        lambda: Verifier(config.loops.verification).verify(keyframes, 0, 0, np.eye(4)),
+        lambda: build_map(keyframes, keyframes.poses, config.map),
+    ]
+
+
+def _cloud() -> PointCloud:
+    xyz = np.random.default_rng(0).uniform(-10, 10, (2000, 3)).astype(np.float32)
+    return PointCloud(xyz, np.zeros(2000), time=np.zeros(2000))

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import minimum_filter
 
 from slam.data.cloud import Array, Calibration, PointCloud, View
 
@@ -55,6 +54,8 @@ def visible(pixels: Array, depth: Array, shape: tuple[int, ...]) -> Array:
     column, row = nearest_pixel(pixels[shown])
     nearest = np.full((height, width), np.inf)
     np.minimum.at(nearest, (row, column), depth[shown])
+    from scipy.ndimage import minimum_filter  # slow to import, and a LiDAR alone does not need it
+
     around = minimum_filter(nearest, (2 * WINDOW_ROWS + 1, 2 * WINDOW_COLUMNS + 1), mode="nearest")[row, column]
     inside[shown] = depth[shown] - around <= np.maximum(NEARER, NEARER_SHARE * depth[shown])
     return inside
