@@ -31,13 +31,12 @@ def main() -> None:
     parser.add_argument("--out", default="runs/live", help="the run folder")
     options = parser.parse_args()
 
-    with lidarlift.Slam(sensor=options.sensor) as slam:
+    with lidarlift.Slam(sensor=options.sensor, out=options.out) as slam:
         for stamp, points in scans(options.dataset, options.sensor):
             step = slam.add(points, stamp)
             sigma = np.sqrt(np.diag(step.covariance)[3:]).max()  # m, of the motion since the last scan; rotation first
             print(f"{stamp:8.2f} s  {step.status:10}  x {step.pose[0, 3]:7.2f} m  sigma {sigma:.4f} m")
-        run = slam.finish()
-    lidarlift.save_run(run, options.out)
+        slam.finish()
     print(f"Written to {options.out}")
 
 

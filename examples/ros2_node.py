@@ -25,8 +25,8 @@ class SlamNode(Node):
     def __init__(self) -> None:
         super().__init__("lidarlift")
         sensor = self.declare_parameter("sensor", "vlp16").value
-        self.out = self.declare_parameter("out", "runs/ros").value
-        self.slam = lidarlift.Slam(sensor=sensor)
+        out = self.declare_parameter("out", "runs/ros").value
+        self.slam = lidarlift.Slam(sensor=sensor, out=out)
         self.publisher = self.create_publisher(Odometry, "odometry", 10)
         self.create_subscription(PointCloud2, "points", self.on_scan, qos_profile_sensor_data)
 
@@ -53,7 +53,7 @@ def main() -> None:
         try:
             rclpy.spin(node)
         except KeyboardInterrupt:
-            lidarlift.save_run(node.slam.finish(), node.out)
+            node.slam.finish()
 
 
 if __name__ == "__main__":

@@ -110,7 +110,7 @@ def _velocities(data: Dataset, frames: slice, reporter: Reporter) -> tuple[Array
     from slam.front_end import RingFrontEnd
     from slam.mid_sweep import MidSweepOdometry
     from slam.odometry import Odometry, OdometryStep
-    from slam.pipeline import sweep_duration, vertical_correction
+    from slam.source import sweep_duration, vertical_correction
     from slam.tracking import Tracker
 
     positions = chosen_positions(data, frames)

@@ -6,17 +6,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from lidarlift.front_ends import front_end_for, front_end_notes, settings_for
-from slam import pipeline
+from lidarlift.live_folder import LiveFolder
+from slam import slam
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
 from slam.data.errors import InputError
 from slam.data.point_files import points_of
 from slam.data.scan_columns import Columns, find_columns
 from slam.data.sensor import load_sensor
+from slam.identity import live_identity
 from slam.run import FrameRecord, Observer, Run, Source
 from slam.settings import Config
 
@@ -43,18 +45,23 @@ class Slam:
         config: A preset's name, a YAML file, or the result of `load_config`.
         overrides: Single settings, as in 'odometry.voxel_size=1.0'.
         sweeps_per_second: Rotation rate of the LiDAR [Hz].
+        out: The run folder. All that the run finds out is written there at once, into a session: after a crash or a
+            power loss `lidarlift export` has the trajectory and the map so far. `finish` writes the results.
+        resume: Continue the session in `out` from its last snapshot, which is up to 10 s old; without one, begin. The
+            next scan is the one after `scans`: if scans are gone, this is a gap, as when a recording misses some.
         observer: Watches the run frame by frame, see `slam.run.Observer`.
 
     Raises:
-        InputError: The sensor does not have the rings for this input, or a setting is invalid.
+        InputError: The sensor does not have the rings for this input, or a setting is invalid; or `out` cannot be
+            written, or holds an unfinished run that is not resumed or that began with something else.
+        ValueError: `resume` without `out`.
 
     Example:
-        >>> with lidarlift.Slam(sensor="vlp16", input="enriched", enricher="ray-segment") as slam:
+        >>> with lidarlift.Slam(sensor="vlp16", input="enriched", enricher="ray-segment", out="runs/live") as slam:
         ...     for stamp, points in scans:  # (N, 4) x y z intensity, metres
         ...         step = slam.add(points, stamp)
         ...         print(step.status, step.pose[:3, 3])
-        ...     run = slam.finish()
-        >>> lidarlift.save_run(run, "runs/live")
+        ...     run = slam.finish()  # and the run folder is written
     """
 
     def __init__(
@@ -67,6 +74,8 @@ class Slam:
         config: Config | str | Path | None = None,
         overrides: Sequence[str] = (),
         sweeps_per_second: float = 10.0,
+        out: str | Path | None = None,
+        resume: bool = False,
         observer: Observer | None = None,
     ) -> None:
         if not sweeps_per_second > 0:
@@ -77,13 +86,18 @@ class Slam:
         settings = settings_for(
             None if self._sensor is None else self._sensor.ring_count, input, enricher, config, overrides
         )
-        self._slam = pipeline.Slam(
-            settings,
-            front_end_for(settings.front_end, self._sensor, NAME),
-            source=Source(NAME, sensor=self._sensor, calibration=calibration),
-            sweep_duration=1 / sweeps_per_second,
-            observer=observer,
-        )
+        if resume and out is None:
+            raise ValueError("resume continues the run in `out`; give both")
+        front_end = front_end_for(settings.front_end, self._sensor, NAME)
+        source = Source(NAME, sensor=self._sensor, calibration=calibration)
+        about: Any = {"source": source, "sweep_duration": 1 / sweeps_per_second}
+        self._folder = None if out is None else LiveFolder(Path(out), live_identity(**about, config=settings), resume)
+        try:
+            journal = self._folder.journal if self._folder else None
+            self._slam = slam.Slam(settings, front_end, **about, journal=journal, observer=observer)
+        except BaseException:
+            self._release()
+            raise
         self._slam.result.remarks = front_end_notes(settings.front_end, self._sensor)
         self._period, self._columns = 1 / sweeps_per_second, UNKNOWN
 
@@ -95,6 +109,17 @@ class Slam:
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._slam.__exit__(kind, value, trace)
+        self._release()
+
+    def _release(self) -> None:
+        if self._folder:
+            self._folder.close()
+            self._folder = None
+
+    @property
+    def scans(self) -> int:
+        """Number of scans so far, also of those before the run was resumed."""
+        return len(self._slam.result.records)
 
     def add(self, points: Array | PointCloud, stamp: float, image: Array | None = None) -> FrameRecord:
         """Register the next scan.
@@ -116,9 +141,9 @@ class Slam:
 
         Raises:
             InputError: The points have another shape, lack fields, have rings that the sensor does not have, or times
-                that are not seconds; or the stamp is not a finite number.
+                that are not seconds; or the stamp is not a finite number; or the run folder cannot be written.
         """
-        place = len(self._slam.result.records)
+        place = self.scans
         name = Path(f"scan {place}")
         frame = Frame(place, float(stamp), EMPTY, self._slam.result.source.calibration, lambda: image)
         if isinstance(points, PointCloud):
@@ -126,7 +151,8 @@ class Slam:
         found = points_of(np.asarray(points), name)
         if self._columns is UNKNOWN and len(found.xyz):
             self._columns = find_columns([(found, frame.stamp)], self._sensor, None, self._period, name)
-            self._slam.result.problems.extend(self._columns.problems)
+            known = self._slam.result.problems  # of a run that is resumed, which has found them before
+            known.extend(problem for problem in self._columns.problems if problem not in known)
             source = self._slam.result.source
             self._slam.result.source = replace(source, point_times=self._columns.times, stamps_from="given")
         cloud, odd = self._columns.cloud(found, frame.stamp, name)
@@ -141,9 +167,16 @@ class Slam:
         return self._slam.trajectory()
 
     def finish(self) -> Run:
-        """Select the consistent loop closures, optimise the pose graph and build the map.
+        """Select the consistent loop closures, optimise the pose graph, build the map, and write the run folder.
 
         Returns:
-            The run, as returned by `lidarlift.run`; `save_run` writes it into a run folder.
+            The run, as returned by `lidarlift.run`; without `out`, `save_run` writes it into a run folder.
+
+        Raises:
+            InputError: The run folder cannot be written.
         """
-        return self._slam.finish()
+        run = self._slam.finish()
+        if self._folder:
+            self._folder.save(run)
+            self._folder = None
+        return run

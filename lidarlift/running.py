@@ -211,7 +211,7 @@ class _Task:
         from slam.data.dataset import chosen_positions
         from slam.identity import identity
         from slam.journal.lock import locked
-        from slam.pipeline import RefusedError
+        from slam.refusal import RefusedError
         from slam.session import SESSION, UNFINISHED, drop_session, save_odometry, save_run, save_stopped
 
         require_apart(folder, self.data)

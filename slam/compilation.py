@@ -12,7 +12,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from slam.data.cloud import PointCloud
+from slam.data.camera import with_colour
+from slam.data.cloud import Calibration, PointCloud
 from slam.loops.closing import LoopSearch
 from slam.loops.verification import Verifier
 from slam.mapping.global_map import build_map
@@ -73,7 +74,8 @@ def _of_mapping(config: Config) -> list[Callable[[], object]]:
     keyframes, search = Keyframes(config.keyframes), LoopSearch(config.loops)
 
     def add() -> None:
-        keyframes.add(_cloud(), np.eye(4), 0, 0.0)
+        coloured = with_colour(_cloud(), np.zeros((8, 8, 3), np.uint8), Calibration(np.eye(3), np.eye(4)))
+        keyframes.add(coloured, np.eye(4), 0, 0.0)
         keyframes.finish()
 
     return [

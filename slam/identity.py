@@ -15,9 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from slam.data.cloud import PointCloud
+from slam.data.cloud import Calibration, PointCloud
 from slam.data.dataset import Dataset
+from slam.data.sensor import Sensor
 from slam.recorded_odometry import RecordedOdometry
+from slam.run import Source
 from slam.settings import Config
 
 PACKAGES = ("lidarlift", "numpy", "numba", "scipy", "gtsam", "onnxruntime", "open3d", "open3d-cpu", "evo")
@@ -33,23 +35,36 @@ def identity(
     The input is known by its path, its stamps and numbers, its sensor and calibration, and the points of the first
     scan; a snapshot holds the fingerprint of its last scan too.
     """
-    sensor, camera = dataset.sensor, dataset.calibration
-    T = camera.T_camera0_lidar if camera else None
     first = dataset[positions[0]]
+    about = {
+        "data set": dataset.name,
+        "path": str(dataset.path),
+        "frames": [positions.start, positions.stop, positions.step],
+        "stamps": _digest(dataset.stamps, dataset.numbers),
+        **_rig(dataset.sensor, dataset.calibration),
+        "first scan": fingerprint(first.cloud),
+        "odometry": None if recorded is None else _digest(recorded.poses),
+    }
+    return _identity(about, config)
+
+
+def live_identity(source: Source, sweep_duration: float, config: Config) -> dict[str, Any]:
+    """Return what the results of a live run depend on beside its scans, as `identity` does."""
+    about = {"data set": source.name, "sweep_duration": sweep_duration, **_rig(source.sensor, source.calibration)}
+    return _identity(about, config)
+
+
+def _identity(input: dict[str, Any], config: Config) -> dict[str, Any]:
+    version = {**versions(), "files of lidarlift": _digest_of_code()}
+    return {"version": version, "input": input, "settings": config.model_dump(mode="json")}
+
+
+def _rig(sensor: Sensor | None, camera: Calibration | None) -> dict[str, Any]:
+    T = camera.T_camera0_lidar if camera else None
     return {
-        "version": {**versions(), "files of lidarlift": _digest_of_code()},
-        "input": {
-            "data set": dataset.name,
-            "path": str(dataset.path),
-            "frames": [positions.start, positions.stop, positions.step],
-            "stamps": _digest(dataset.stamps, dataset.numbers),
-            "sensor": None if sensor is None else _digest(sensor.elevation, sensor.azimuth, sensor.offset),
-            "calibration": None if camera is None else _digest(camera.K, camera.T_camera_lidar),
-            "T_camera0_lidar": None if T is None else T.tolist(),
-            "first scan": fingerprint(first.cloud),
-            "odometry": None if recorded is None else _digest(recorded.poses),
-        },
-        "settings": config.model_dump(mode="json"),
+        "sensor": None if sensor is None else _digest(sensor.elevation, sensor.azimuth, sensor.offset),
+        "calibration": None if camera is None else _digest(camera.K, camera.T_camera_lidar),
+        "T_camera0_lidar": None if T is None else T.tolist(),
     }
 
 

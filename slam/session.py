@@ -111,7 +111,16 @@ def unfinished_frames(folder: Path) -> int:
     Raises:
         InputError: The session is damaged.
     """
-    if not has_snapshot(folder / UNFINISHED):
+    return recorded_frames(folder) if has_snapshot(folder / UNFINISHED) else 0
+
+
+def recorded_frames(folder: Path) -> int:
+    """Return the number of frames of the unfinished session, also of one that cannot be continued; 0 if there is none.
+
+    Raises:
+        InputError: The session is damaged.
+    """
+    if not (folder / UNFINISHED / SESSION_NAME).is_file():
         return 0
     with SessionFile.open(folder / UNFINISHED / SESSION_NAME) as file:
         return file.count(FRAME)

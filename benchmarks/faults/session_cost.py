@@ -28,8 +28,10 @@ from slam.journal.session_file import SessionFile
 from slam.journal.state import Frozen, freeze, thaw
 from slam.journal.state_file import read_state, write_state
 from slam.journal.tables import EDGE, FRAME, KEYFRAME, LOOP, PLACE, TABLES, text_of
-from slam.pipeline import Pipeline, Slam
+from slam.pipeline import Pipeline
+from slam.run_record import RunRecord
 from slam.settings import Config
+from slam.slam import Slam
 
 PACKAGES = ("numpy", "gtsam")
 KEYFRAMES, FRAMES_PER_KEYFRAME, LOOP_EVERY = 5000, 4, 10
@@ -84,17 +86,17 @@ def _journal_times(drive: Path, frames: int, folder: Path) -> dict[str, Any]:
 
         return run
 
-    slam_class: Any = Slam
-    kept = slam_class._write_frames, slam_class._write_problems, slam_class._snapshot
-    slam_class._write_frames = timed(kept[0], spent, False)
-    slam_class._write_problems = timed(kept[1], spent, True)
-    slam_class._snapshot = timed(kept[2], snapshots, False)
+    record: Any = RunRecord
+    kept = record.write_frames, record.write_problems, record.snapshot
+    record.write_frames = timed(kept[0], spent, False)
+    record.write_problems = timed(kept[1], spent, True)
+    record.snapshot = timed(kept[2], snapshots, False)
     try:
         with Journal.begin(folder, {}) as journal:
             Pipeline(Config()).run(open_dataset(drive), slice(frames), journal=journal)
             size = (folder / journals.STATE).stat().st_size
     finally:
-        slam_class._write_frames, slam_class._write_problems, slam_class._snapshot = kept
+        record.write_frames, record.write_problems, record.snapshot = kept
     return {
         "journal_ms": float(np.median(spent)),
         "journal_p95_ms": float(np.percentile(spent, 95)),

@@ -35,9 +35,9 @@ from slam.mapping.global_map import GlobalMap
 from slam.mapping.keyframes import Keyframes
 from slam.mapping.picture import map_png
 from slam.odometry import Odometry
-from slam.pipeline import sweep_duration
 from slam.settings import MapSettings
 from slam.simulation.simulation import Simulation, SimulationConfig
+from slam.source import sweep_duration
 
 CHANNELS = ("64", "16")
 HEIGHT = 1.73  # m of the LiDAR above the road, KITTI's and the simulated car's

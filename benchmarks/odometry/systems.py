@@ -12,8 +12,8 @@ from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import Dataset
 from slam.mid_sweep import MidSweepOdometry
 from slam.odometry import Odometry, OdometryStep
-from slam.pipeline import sweep_duration
 from slam.settings import Config, OdometrySettings
+from slam.source import sweep_duration
 
 
 class System(Protocol):

@@ -121,20 +121,27 @@ def neighbour_outlier_distance(rho, length, window, slack, slack_share, limit):
     """
     rings, columns = rho.shape
     out = np.zeros((rings - 1, columns), np.float32)
+    near, far, total = np.empty(columns), np.empty(columns), np.empty(columns)
+    around = np.empty((rings, columns + 2 * window), rho.dtype)  # without `%` a compiler can vectorise the inner loop
+    for k in range(rings):
+        for column in range(columns + 2 * window):
+            around[k, column] = rho[k, (column - window) % columns]
     for k in range(rings - 1):
+        total[:] = 0.0
         for column in range(columns):
-            if length[k, column] == 0.0:
-                continue
-            near, far = min(rho[k, column], rho[k + 1, column]), max(rho[k, column], rho[k + 1, column])
-            near, far = near * (1 - slack_share) - slack, far * (1 + slack_share) + slack
-            total = 0.0
-            for neighbour in range(column - window, column + window + 1):
-                wrapped = neighbour % columns
-                for ring in (k, k + 1):
-                    r = rho[ring, wrapped]
-                    if r > 0.0:
-                        total += min(max(r - far, near - r, 0.0), limit)
-            out[k, column] = total / (4 * window)
+            above, below = rho[k, column], rho[k + 1, column]
+            near[column] = min(above, below) * (1 - slack_share) - slack
+            far[column] = max(above, below) * (1 + slack_share) + slack
+        for shift in range(2 * window + 1):
+            for ring in (k, k + 1):
+                neighbours = around[ring, shift:]
+                for column in range(columns):
+                    r = neighbours[column]
+                    outside = min(max(r - far[column], near[column] - r, 0.0), limit)
+                    total[column] += outside if r > 0.0 else 0.0
+        for column in range(columns):
+            if length[k, column] > 0.0:
+                out[k, column] = total[column] / (4 * window)
     return out
 
 

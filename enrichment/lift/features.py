@@ -14,7 +14,8 @@ from enrichment.geometry.sparse_scan import SparseScan, heights
 from enrichment.interpolation.depth_completion import scaled_ip_basic
 from enrichment.interpolation.ray_segment import LIMIT, SLACK, SLACK_SHARE, WINDOW, sigma_of
 from enrichment.lift import kernels as lift_kernels
-from enrichment.lift.channels import RINGS, Ray, Ring
+from enrichment.lift.channels import RAYS, RINGS, Candidate, Ray, Ring
+from enrichment.lift.kernels import COLUMNS_NEAR
 from slam.data.cloud import Array, Calibration
 
 DENSE = 0.5  # cells per pixel of the completed depth image
@@ -51,20 +52,38 @@ def lift_input(scan: SparseScan, grid: RayGrid) -> LiftInput:
     sigma = sigma_of(length, slope, turn, outlier_distance)
     lines, own = heights(sensor)[rows], heights(scan.lines)[scan.rings]
     gap = own[:-1] - own[1:]
-    share = (own[upper] - lines) / gap[upper]
-    rays, candidates = lift_kernels.between_rings(
-        rho, z, length, slope, turn, outlier_distance, sigma, upper, tangent, offset, share, gap
-    )
+    beams = _Beams(upper, tangent, offset)
+    candidates = lift_kernels.between_rings(rho, z, length, *beams)
+    rays = np.zeros((RAYS, *candidates.shape[1:]), np.float32)
+    _add_ratios(rho, upper, rays, candidates)
+    known = rays[Ray.KNOWN]
+    rays[Ray.SHARE], rays[Ray.GAP] = (own[upper] - lines)[:, None] / gap[upper, None] * known, gap[upper, None] * known
+    of_segment = np.log1p(length), slope, np.minimum(turn, 1), np.log1p(outlier_distance), np.log1p(sigma)
+    for channel, values in zip(range(Ray.LENGTH, Ray.GAP), of_segment, strict=True):
+        rays[channel] = (values * (length > 0))[upper]
     rings = np.zeros((RINGS, *rho.shape), np.float32)
     rings[Ring.KNOWN] = scan.points >= 0
     rings[Ring.RANGE] = np.log(np.maximum(rho, 0.1) / 10) * rings[Ring.KNOWN]
     rings[Ring.HEIGHT] = z / 3 * rings[Ring.KNOWN]
     rings[Ring.GAP_ABOVE, 1:], rings[Ring.GAP_BELOW, :-1] = gap[:, None], gap[:, None]
-    beams = _Beams(upper, tangent, offset)
     if scan.image is not None and scan.calibration is not None:
         _add_image(scan, grid, beams, rho, rings, rays, candidates)
-    _add_history(scan, beams, rho, z, gap, rays, candidates)
+    _add_history(scan, beams, rho, z, length, gap, rays, candidates)
     return LiftInput(rings, upper, rays, candidates, rows)
+
+
+def _add_ratios(rho: Array, upper: Array, rays: Array, candidates: Array) -> None:
+    """Add which rays have returns above and below, and the logarithms of the ranges in relation to the segment's."""
+    segment = candidates[Candidate.SEGMENT]
+    rays[Ray.KNOWN] = segment > 0
+    met = np.log(np.where(segment > 0, segment, np.float32(1)))
+    rays[Ray.RANGE] = (met - np.float32(np.log(10))) * rays[Ray.KNOWN]
+    measured = np.log(np.where(rho > 0, rho, np.float32(1)))
+    rays[Ray.ABOVE] = (measured[upper] - met) * rays[Ray.KNOWN]
+    rays[Ray.BELOW] = (measured[upper + 1] - met) * rays[Ray.KNOWN]
+    for ray, candidate in ((Ray.FROM_ABOVE, Candidate.FROM_ABOVE), (Ray.FROM_BELOW, Candidate.FROM_BELOW)):
+        found = candidates[candidate]
+        rays[ray] = np.where(found > 0, np.log(np.where(found > 0, found, np.float32(1))) - met, np.float32(0))
 
 
 class _Beams(NamedTuple):
@@ -88,18 +107,32 @@ def _add_image(
     lift_kernels.along_image(rays, candidates, pixels, *rest)
     sparse = np.zeros([round(DENSE * size) for size in image.shape[:2]], np.float32)
     lift_kernels.depths_seen(scan.cloud.xyz, scan.points, pixels, camera, DENSE, sparse)
-    lift_kernels.guess(rays, candidates, pixels, *rest, rho, scaled_ip_basic(sparse, DENSE), DENSE)
+    seen = _seen(rings, pixels, rho)
+    lift_kernels.guess(rays, candidates, seen, *rest, scaled_ip_basic(sparse, DENSE), DENSE)
+
+
+def _seen(rings: Array, pixels: Array, rho: Array) -> Array:
+    """What the kernel `guess` needs of the returns: pixel, colour (0..255) and rho, 0 outside the image."""
+    shown = rings[Ring.SEEN]
+    colours = (rings[Ring.RED :] + 1) * np.float32(128) * shown
+    channels = np.stack([*np.moveaxis(np.nan_to_num(pixels), -1, 0), *colours, rho * shown], axis=1)
+    return np.pad(channels, ((0, 0), (0, 0), (COLUMNS_NEAR, COLUMNS_NEAR)), mode="wrap")
 
 
 def _add_history(
-    scan: SparseScan, beams: _Beams, rho: Array, z: Array, gap: Array, rays: Array, candidates: Array
+    scan: SparseScan, beams: _Beams, rho: Array, z: Array, length: Array, gap: Array, rays: Array, candidates: Array
 ) -> None:
     """Add the features of earlier scans to rays and candidates."""
-    best = np.full(rays.shape[1:], np.inf, np.float32)
+    if len(scan.past) == 0:
+        return
+    past = np.zeros((*rays.shape[1:], 6), np.float32)
+    past[..., 0], past[..., 3], past[..., 4] = np.inf, np.inf, -np.inf
+    table = lift_kernels.rows_by_slope(beams.tangent, beams.tangent[-1], beams.tangent[0])
     for age, (then, T_now_then) in enumerate(reversed(scan.past), start=1):
         pose = np.ascontiguousarray(T_now_then, np.float64)
-        lift_kernels.accumulate_history(rays, candidates, best, then.xyz, pose, age, rho, z, *beams, gap)
-    np.log1p(rays[Ray.PAST_RETURNS], out=rays[Ray.PAST_RETURNS])
+        now = rho, z, length, candidates[Candidate.SEGMENT]
+        lift_kernels.accumulate_history(past, then.xyz, pose, age, table, *now, *beams, gap)
+    lift_kernels.add_history(past, rays, candidates)
 
 
 def _pinhole(image: Array, calibration: Calibration) -> Array:

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
-from enrichment.lift.channels import CANDIDATES, RAYS, Candidate, Ray
+from enrichment.lift.channels import CANDIDATES, Candidate, Ray
 
 EDGE_STEPS = 12  # pixels sampled on each half of the line between the returns above and below
 UNCERTAIN_SIGMA = 0.4  # m: rays whose segment has a larger sigma get a GUESS
@@ -18,9 +18,11 @@ UNCERTAIN_SIGMA = 0.4  # m: rays whose segment has a larger sigma get a GUESS
 RINGS_NEAR, COLUMNS_NEAR, COLUMN_STEP = (-1, 3), 8, 2
 #: Horizontal and vertical distance [pixels] and colour difference (of 255) at which the weight of a return falls by e;
 #: total weight of the returns, where EDGE and the completed depth weigh 1 each.
-HORIZONTAL, VERTICAL, COLOUR, RETURNS = 20.0, 30.0, 25.0, 2.0
+HORIZONTAL, VERTICAL, COLOUR, RETURNS = 20.0, 30.0, 25.0, np.float32(2.0)
+NEARER, LOWER, ALIKE = np.float32(1 / HORIZONTAL), np.float32(1 / VERTICAL), np.float32(1 / COLOUR)
 LEAST, MOST = 0.8, 1.25  # limits of extrapolated surfaces, relative to the nearer and the farther return
 NEAR_RAY = 0.15  # share of the gap between two rings: maximum distance of past returns from a ray
+SLOPES = 1024  # entries of a table of the lines by slope
 AGE = 0.02  # share of the gap: penalty on the distance from the ray per scan of age
 
 
@@ -49,98 +51,105 @@ def _intersect_segment(rho, z, beyond_rho, beyond_z, tangent, offset):
 
 
 @njit(cache=True, nogil=True)
-def between_rings(rho, z, length, slope, turn, outlier_distance, sigma, upper, tangent, offset, row_share, gap):
-    """Compute `rays` and `candidates` of LiftInput without the features of the image and of earlier scans.
+def between_rings(rho, z, length, upper, tangent, offset):
+    """Compute the candidates (CANDIDATES, Q, W) of the rings alone: SEGMENT, ABOVE, BELOW, FROM_ABOVE and FROM_BELOW.
 
-    Shapes: rho, z (K, W); length, slope, turn, outlier_distance, sigma (K - 1, W); upper, tangent, offset, row_share
-    (Q,); gap (K - 1,).
+    Shapes: rho, z (K, W); length (K - 1, W); upper, tangent, offset (Q,).
     """
     rings, columns = rho.shape
-    rays = np.zeros((RAYS, len(upper), columns), np.float32)
     candidates = np.zeros((CANDIDATES, len(upper), columns), np.float32)
     for row in range(len(upper)):
-        k = upper[row]
+        k, slant, start = upper[row], tangent[row], offset[row]
         for c in range(columns):
             if length[k, c] == 0.0:
                 continue
-            met = _intersect_segment(rho[k, c], z[k, c], rho[k + 1, c], z[k + 1, c], tangent[row], offset[row])
-            low, high = LEAST * min(rho[k, c], rho[k + 1, c]), MOST * max(rho[k, c], rho[k + 1, c])
-            candidates[Candidate.SEGMENT, row, c] = met
-            candidates[Candidate.ABOVE, row, c], candidates[Candidate.BELOW, row, c] = rho[k, c], rho[k + 1, c]
+            above, below = rho[k, c], rho[k + 1, c]
+            low, high = LEAST * min(above, below), MOST * max(above, below)
+            candidates[Candidate.SEGMENT, row, c] = _intersect_segment(above, z[k, c], below, z[k + 1, c], slant, start)
+            candidates[Candidate.ABOVE, row, c], candidates[Candidate.BELOW, row, c] = above, below
             if k > 0 and rho[k - 1, c] > 0.0:
                 candidates[Candidate.FROM_ABOVE, row, c] = _extended(
-                    rho[k, c], z[k, c], rho[k - 1, c], z[k - 1, c], tangent[row], offset[row], low, high
+                    above, z[k, c], rho[k - 1, c], z[k - 1, c], slant, start, low, high
                 )
             if k + 2 < rings and rho[k + 2, c] > 0.0:
                 candidates[Candidate.FROM_BELOW, row, c] = _extended(
-                    rho[k + 1, c], z[k + 1, c], rho[k + 2, c], z[k + 2, c], tangent[row], offset[row], low, high
+                    below, z[k + 1, c], rho[k + 2, c], z[k + 2, c], slant, start, low, high
                 )
-            rays[Ray.KNOWN, row, c], rays[Ray.SHARE, row, c] = 1.0, row_share[row]
-            rays[Ray.RANGE, row, c] = math.log(met / 10)
-            for other in range(4):  # ABOVE to FROM_BELOW, in the same order in both enumerations
-                rho_there = candidates[Candidate.ABOVE + other, row, c]
-                if rho_there > 0.0:
-                    rays[Ray.ABOVE + other, row, c] = math.log(rho_there / met)
-            rays[Ray.LENGTH, row, c], rays[Ray.SLOPE, row, c] = math.log(1 + length[k, c]), slope[k, c]
-            rays[Ray.TURN, row, c] = min(turn[k, c], 1.0)
-            rays[Ray.OUTLIER_DISTANCE, row, c] = math.log(1 + outlier_distance[k, c])
-            rays[Ray.SIGMA, row, c], rays[Ray.GAP, row, c] = math.log(1 + sigma[k, c]), gap[k]
-    return rays, candidates
-
-
-@njit(inline="always")
-def _nearest_row(z, rho, tangent, offset):
-    """Index of the line nearest to a point; lines are sorted from the highest to the lowest."""
-    low, high = 0, len(tangent)
-    while low < high:
-        middle = (low + high) // 2
-        if tangent[middle] * rho + offset[middle] > z:
-            low = middle + 1
-        else:
-            high = middle
-    if low == len(tangent):
-        return low - 1
-    if low > 0 and tangent[low - 1] * rho + offset[low - 1] - z < z - tangent[low] * rho - offset[low]:
-        return low - 1
-    return low
+    return candidates
 
 
 @njit(cache=True, nogil=True)
-def accumulate_history(rays, candidates, best, xyz, T_now_then, age, rho, z, upper, tangent, offset, gap):
-    """Add the returns of an earlier scan (N, 3) near the rays, relative to the current segments.
+def rows_by_slope(tangent, least, most):
+    """Tabulate the index of the line next to each of SLOPES slopes from `least` to `most`, for `accumulate_history`."""
+    table, row = np.empty(SLOPES, np.int64), len(tangent) - 1
+    for i in range(SLOPES):
+        while row > 0 and tangent[row] < least + (most - least) * i / (SLOPES - 1):
+            row -= 1
+        table[i] = row
+    return table
 
-    `rays` and `candidates` of LiftInput are updated, as is `best` (Q, W), the distance of the candidate's return from
-    its ray, infinite before the first scan.
+
+@njit(cache=True, nogil=True)
+def accumulate_history(past, xyz, T_now_then, age, table, rho, z, length, segment, upper, tangent, offset, gap):
+    """Add the returns of an earlier scan (N, 3) near the rays, relative to the current segments, to `past`.
+
+    `past` (Q, W, 6) float32 has, for each ray, the distance of the candidate's return from the ray, infinite before the
+    first scan; its range and the logarithm of its ratio to the segment; the smallest and largest of these logarithms;
+    the number of returns. `table` is that of `rows_by_slope`, between the first and the last tangent.
     """
-    columns = rho.shape[1]
+    columns, last = rho.shape[1], len(tangent) - 1
+    least, most = tangent[last], tangent[0]
+    steps, turns = (SLOPES - 1) / max(most - least, 1e-9), columns / (2 * math.pi)
     for i in range(len(xyz)):
         x, y, up = xyz[i, 0], xyz[i, 1], xyz[i, 2]
         px = T_now_then[0, 0] * x + T_now_then[0, 1] * y + T_now_then[0, 2] * up + T_now_then[0, 3]
         py = T_now_then[1, 0] * x + T_now_then[1, 1] * y + T_now_then[1, 2] * up + T_now_then[1, 3]
         pz = T_now_then[2, 0] * x + T_now_then[2, 1] * y + T_now_then[2, 2] * up + T_now_then[2, 3]
-        far = math.hypot(px, py)
-        if far < 1.0:
+        far = math.sqrt(px * px + py * py)
+        if not far >= 1.0:
             continue
-        row = _nearest_row(pz, far, tangent, offset)
+        row = table[int(_bounded((pz / far - least) * steps, 0.0, SLOPES - 1.0))]
+        off = pz - tangent[row] * far - offset[row]
+        while off > 0.0 and row > 0:
+            other = pz - tangent[row - 1] * far - offset[row - 1]
+            if abs(other) >= off:
+                break
+            row, off = row - 1, other
+        while off < 0.0 and row < last:
+            other = pz - tangent[row + 1] * far - offset[row + 1]
+            if abs(other) > -off:
+                break
+            row, off = row + 1, other
         k = upper[row]
-        off = abs(pz - tangent[row] * far - offset[row]) / (gap[k] * far / 10)
-        c = min(int((math.atan2(py, px) / (2 * math.pi) + 0.5) * columns), columns - 1)
-        if off > NEAR_RAY or rays[Ray.KNOWN, row, c] == 0.0:
+        off = abs(off) / (gap[k] * far / 10)
+        if off > NEAR_RAY:
             continue
+        c = min(int((math.atan2(py, px) + math.pi) * turns), columns - 1)
+        if length[k, c] == 0.0:
+            continue
+        above, below = rho[k, c], rho[k + 1, c]
         slant = (pz - offset[row]) / far
-        ratio = far / _intersect_segment(rho[k, c], z[k, c], rho[k + 1, c], z[k + 1, c], slant, offset[row])
-        found = ratio * candidates[Candidate.SEGMENT, row, c]
-        if not LEAST * min(rho[k, c], rho[k + 1, c]) <= found <= MOST * max(rho[k, c], rho[k + 1, c]):
+        ratio = far / _intersect_segment(above, z[k, c], below, z[k + 1, c], slant, offset[row])
+        found = ratio * segment[row, c]
+        if not LEAST * min(above, below) <= found <= MOST * max(above, below):
             continue
-        change = math.log(ratio)
-        if best[row, c] == np.inf:
-            rays[Ray.PAST_NEAREST, row, c], rays[Ray.PAST_FURTHEST, row, c] = change, change
-        rays[Ray.PAST_NEAREST, row, c] = min(rays[Ray.PAST_NEAREST, row, c], change)
-        rays[Ray.PAST_FURTHEST, row, c] = max(rays[Ray.PAST_FURTHEST, row, c], change)
-        rays[Ray.PAST_RETURNS, row, c] += 1.0
-        if off + AGE * age < best[row, c]:
-            best[row, c] = off + AGE * age
-            rays[Ray.PAST, row, c], candidates[Candidate.PAST, row, c] = change, found
+        of_ray, change = past[row, c], math.log(np.float32(ratio))
+        of_ray[3], of_ray[4] = min(of_ray[3], change), max(of_ray[4], change)
+        of_ray[5] += 1.0
+        if off + AGE * age < of_ray[0]:
+            of_ray[0], of_ray[1], of_ray[2] = off + AGE * age, found, change
+
+
+@njit(cache=True, nogil=True)
+def add_history(past, rays, candidates):
+    """Add the features of `past` to rays and candidates of LiftInput."""
+    for row in range(past.shape[0]):
+        for c in range(past.shape[1]):
+            of_ray = past[row, c]
+            if of_ray[5] > 0.0:
+                candidates[Candidate.PAST, row, c], rays[Ray.PAST, row, c] = of_ray[1], of_ray[2]
+                rays[Ray.PAST_NEAREST, row, c], rays[Ray.PAST_FURTHEST, row, c] = of_ray[3], of_ray[4]
+                rays[Ray.PAST_RETURNS, row, c] = math.log(np.float32(1.0) + of_ray[5])
 
 
 @njit(inline="always")
@@ -203,13 +212,18 @@ def _change(image, u, v, to_u, to_v):
 
 
 @njit(inline="always")
-def _difference(image, u, v, other_u, other_v):
-    """Difference of the colours of two pixels."""
-    one, other = image[int(v + 0.5), int(u + 0.5)], image[int(other_v + 0.5), int(other_u + 0.5)]
-    square = 0.0
-    for channel in range(3):
-        square += (float(one[channel]) - float(other[channel])) ** 2
-    return math.sqrt(square)
+def _exp(x):
+    """Exponential function of x <= 0 in single precision, to 2e-7; unlike math.exp a compiler can vectorise it."""
+    x = max(x, np.float32(-80.0))
+    whole = np.floor(x * np.float32(1.44269504) + np.float32(0.5))
+    rest = x - whole * np.float32(0.693359375) + whole * np.float32(2.12194440e-4)
+    power = np.float32(1.3981999507e-3) + np.float32(1.9875691500e-4) * rest  # Cephes' polynomial for expf
+    power = np.float32(8.3334519073e-3) + power * rest
+    power = np.float32(4.1665795894e-2) + power * rest
+    power = np.float32(1.6666665459e-1) + power * rest
+    power = np.float32(0.5) + power * rest
+    power = np.float32(1.0) + rest + power * rest * rest
+    return power * np.int32((np.int32(whole) + np.int32(127)) << np.int32(23)).view(np.float32)
 
 
 @njit(cache=True, nogil=True)
@@ -229,19 +243,24 @@ def depths_seen(xyz, points, pixels, projection, scale, out):
 
 
 @njit(inline="always")
-def _weighted_median(values, weights):
+def _weighted_median(values, weights, count):
     """Weighted median, the smallest value that reaches half of the weight, and the mean distance from it."""
-    order = np.argsort(values)
-    half, reached, median = weights.sum() / 2, 0.0, values[order[0]]
-    for i in order:
-        reached += weights[i]
-        if reached >= half:
-            median = values[i]
-            break
-    spread = 0.0
-    for i in range(len(values)):
+    total = np.float32(0.0)
+    for i in range(count):
+        total += weights[i]
+    median = np.float32(np.inf)
+    for i in range(count):
+        value, reached = values[i], np.float32(0.0)
+        if value >= median:
+            continue
+        for j in range(count):
+            reached += weights[j] if values[j] <= value else np.float32(0.0)
+        if reached >= np.float32(0.5) * total:
+            median = value
+    spread = np.float32(0.0)
+    for i in range(count):
         spread += weights[i] * abs(values[i] - median)
-    return median, spread / (2 * half)
+    return median, spread / total
 
 
 @njit(inline="always")
@@ -253,47 +272,57 @@ def _filled(dense, scale, u, v, cosine, sine, tangent, offset, projection, other
     return rho if depth > 0.0 and rho > 0.0 else otherwise
 
 
-@njit(cache=True, nogil=True)
-def guess(rays, candidates, pixels, upper, tangent, offset, cosine, sine, projection, image, rho, dense, scale):
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def guess(rays, candidates, seen, upper, tangent, offset, cosine, sine, projection, image, dense, scale):
     """Add the candidate GUESS on uncertain rays in the image, its ratio to the segment, and the spread of its inputs.
 
-    GUESS is the weighted median of EDGE, of nearby returns with similar colour and of a completed depth image. `pixels`
-    (K, W, 2) and `rho` (K, W) are of the returns; `dense` (h, w) is the depth with `scale` cells per pixel.
+    GUESS is the weighted median of EDGE, of nearby returns with similar colour and of a completed depth image. `seen`
+    (K, 6, W + 2 COLUMNS_NEAR) has u, v, red, green, blue and rho of the returns, NaN outside the image, and repeats
+    COLUMNS_NEAR columns on both sides; `dense` (h, w) is the depth with `scale` cells per pixel.
     """
     _, rows, columns = rays.shape
-    rings = rho.shape[0]
-    most = (RINGS_NEAR[1] - RINGS_NEAR[0]) * (2 * COLUMNS_NEAR // COLUMN_STEP + 1) + 2
-    values, weights = np.empty(most), np.empty(most)
+    rings, near = len(seen), 2 * COLUMNS_NEAR // COLUMN_STEP + 1
+    most = (RINGS_NEAR[1] - RINGS_NEAR[0]) * near + 2
+    values, weights = np.empty(most, np.float32), np.empty(most, np.float32)
+    uncertain = math.log(1 + UNCERTAIN_SIGMA)
     for row in range(rows):
         k = upper[row]
         for c in range(columns):
-            if rays[Ray.SEEN, row, c] == 0.0 or math.exp(rays[Ray.SIGMA, row, c]) - 1 < UNCERTAIN_SIGMA:
+            if rays[Ray.SEEN, row, c] == 0.0 or rays[Ray.SIGMA, row, c] < uncertain:
                 continue
             met = candidates[Candidate.SEGMENT, row, c]
             x, y, z = met * cosine[c], met * sine[c], met * tangent[row] + offset[row]
             u, v = _pixel(projection, x, y, z)
-            count, total = 0, 0.0
+            colour = image[int(v + 0.5), int(u + 0.5)]
+            here = np.float32(u), np.float32(v), np.float32(colour[0]), np.float32(colour[1]), np.float32(colour[2])
+            count, total = 0, np.float32(0.0)
             for ring in range(max(k + RINGS_NEAR[0], 0), min(k + RINGS_NEAR[1], rings)):
-                for shift in range(-COLUMNS_NEAR, COLUMNS_NEAR + 1, COLUMN_STEP):
-                    other = (c + shift) % columns
-                    if np.isnan(pixels[ring, other, 0]):
-                        continue
-                    other_u, other_v = pixels[ring, other, 0], pixels[ring, other, 1]
-                    far = abs(other_u - u) / HORIZONTAL + abs(other_v - v) / VERTICAL
-                    weights[count] = math.exp(-far - _difference(image, u, v, other_u, other_v) / COLOUR)
-                    values[count] = rho[ring, other]
+                of_ring = seen[ring]
+                for step in range(near):
+                    there = c + step * COLUMN_STEP
+                    away = of_ring[2, there] - here[2], of_ring[3, there] - here[3], of_ring[4, there] - here[4]
+                    weight = _exp(
+                        -abs(of_ring[0, there] - here[0]) * NEARER
+                        - abs(of_ring[1, there] - here[1]) * LOWER
+                        - math.sqrt(away[0] * away[0] + away[1] * away[1] + away[2] * away[2]) * ALIKE
+                    )
+                    known = of_ring[5, there] > np.float32(0.0)
+                    weights[count] = weight if known else np.float32(0.0)
+                    values[count] = of_ring[5, there]
                     total += weights[count]
                     count += 1
+            share = RETURNS / max(total, np.float32(1e-9))
             for i in range(count):
-                weights[i] *= RETURNS / max(total, 1e-9)
+                weights[i] *= share
             values[count], weights[count] = candidates[Candidate.EDGE, row, c], 1.0
-            count += 1
-            values[count] = _filled(dense, scale, u, v, cosine[c], sine[c], tangent[row], offset[row], projection, met)
-            weights[count] = 1.0
-            count += 1
-            median, spread = _weighted_median(values[:count], weights[:count])
+            values[count + 1] = _filled(
+                dense, scale, u, v, cosine[c], sine[c], tangent[row], offset[row], projection, met
+            )
+            weights[count + 1] = 1.0
+            median, spread = _weighted_median(values, weights, count + 2)
             candidates[Candidate.GUESS, row, c] = median
-            rays[Ray.GUESS, row, c], rays[Ray.GUESS_SPREAD, row, c] = math.log(median / met), math.log(1 + spread)
+            rays[Ray.GUESS, row, c] = math.log(np.float32(median / met))
+            rays[Ray.GUESS_SPREAD, row, c] = math.log(np.float32(1.0) + spread)
 
 
 @njit(cache=True, nogil=True)

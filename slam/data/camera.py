@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from slam.data import kernels
 from slam.data.cloud import Array, Calibration, PointCloud, View
 
 #: A point is hidden if a return within a window of pixels is nearer by more than NEARER [m] and more than NEARER_SHARE
@@ -27,15 +28,13 @@ def project(xyz: Array, calibration: Calibration) -> tuple[Array, Array]:
         Pixels are NaN behind the camera, also of a fisheye lens, and where the lens model folds back: there the model
         would project points from far outside into the image.
     """
-    T, K = calibration.T_camera_lidar, calibration.K
-    points = np.einsum("ij,nj->ni", T[:3, :3], xyz) + T[:3, 3]  # `@` waits long for BLAS's threads
-    depth = points[:, 2]
-    plane = np.full((len(points), 2), np.nan)
-    np.divide(points[:, :2], depth[:, None], out=plane, where=depth[:, None] > 0)
-    if calibration.fisheye:
-        plane = _equidistant(plane, calibration.distortion)
-    elif any(calibration.distortion):
-        plane = _distorted(plane, calibration.distortion)
+    T, K = np.ascontiguousarray(calibration.T_camera_lidar, float), np.ascontiguousarray(calibration.K, float)
+    xyz = np.ascontiguousarray(xyz)
+    if not calibration.fisheye and not any(calibration.distortion):
+        return kernels.project(xyz, T, K)
+    plane, depth = kernels.project(xyz, T, np.eye(3))
+    lens = _equidistant if calibration.fisheye else _distorted
+    plane = lens(plane, calibration.distortion)
     return np.einsum("ij,nj->ni", K[:2, :2], plane) + K[:2, 2], depth
 
 
@@ -47,18 +46,8 @@ def visible(pixels: Array, depth: Array, shape: tuple[int, ...]) -> Array:
         depth: (N,), from `project` [m].
         shape: Shape (H, W, ...) of the image.
     """
-    height, width = shape[:2]
-    with np.errstate(invalid="ignore"):
-        inside: Array = np.all((pixels >= -0.5) & (pixels < (width - 0.5, height - 0.5)), axis=1)
-    shown = np.flatnonzero(inside)
-    column, row = nearest_pixel(pixels[shown])
-    nearest = np.full((height, width), np.inf)
-    np.minimum.at(nearest, (row, column), depth[shown])
-    from scipy.ndimage import minimum_filter  # slow to import, and a LiDAR alone does not need it
-
-    around = minimum_filter(nearest, (2 * WINDOW_ROWS + 1, 2 * WINDOW_COLUMNS + 1), mode="nearest")[row, column]
-    inside[shown] = depth[shown] - around <= np.maximum(NEARER, NEARER_SHARE * depth[shown])
-    return inside
+    about = (*shape[:2], WINDOW_ROWS, WINDOW_COLUMNS, NEARER, NEARER_SHARE)
+    return np.asarray(kernels.visible(np.asarray(pixels, float), np.asarray(depth, float), *about))
 
 
 def with_colour(cloud: PointCloud, image: Array, calibration: Calibration) -> PointCloud:
@@ -67,12 +56,8 @@ def with_colour(cloud: PointCloud, image: Array, calibration: Calibration) -> Po
     Black (0, 0, 0) means that the camera did not see the point; a black pixel gives (1, 1, 1).
     """
     pixels, depth = project(cloud.xyz, calibration)
-    seen = visible(pixels, depth, image.shape)
-    column, row = nearest_pixel(pixels[seen])
-    colour = np.zeros((len(cloud), 3), np.uint8)
-    colour[seen] = image[row, column]
-    colour[seen & ~colour.any(axis=1)] = 1
-    return replace(cloud, colour=colour)
+    shown = visible(pixels, depth, image.shape)
+    return replace(cloud, colour=kernels.pixels_of(image, pixels, shown))
 
 
 def with_colours(cloud: PointCloud, views: Iterable[View]) -> PointCloud:

@@ -66,7 +66,7 @@ class ImageFile(ReportingReader):
         if image is None:
             self.problem = self.problem or _damaged(self.path, str(fault))
             return None
-        return np.ascontiguousarray(_eight_bits(image, self.bits)[:, :, ::-1])
+        return np.asarray(cv2.cvtColor(_eight_bits(image, self.bits), cv2.COLOR_BGR2RGB))
 
     def check(self) -> Problem | None:
         """Return the damage that the beginning and the end of the file show; the pixels are not read."""

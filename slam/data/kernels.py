@@ -117,3 +117,66 @@ def turn_times(xyz, sweep, instant):
     for i in range(len(xyz)):
         out[i] = (0.5 - instant - math.atan2(xyz[i, 1], xyz[i, 0]) / (2 * math.pi)) * sweep
     return out
+
+
+@njit(cache=True, nogil=True)
+def project(xyz, T, K):
+    """Project points (N, 3) by T_camera_lidar (4, 4) and a camera matrix (3, 3) without a lens model.
+
+    Returns pixels (N, 2), NaN behind the camera, and depths (N,) [m].
+    """
+    pixels, depth = np.full((len(xyz), 2), np.nan), np.empty(len(xyz))
+    for i in range(len(xyz)):
+        x, y, z = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
+        ahead = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
+        depth[i] = ahead
+        if ahead > 0:
+            right = (T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]) / ahead
+            down = (T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]) / ahead
+            pixels[i, 0] = K[0, 0] * right + K[0, 1] * down + K[0, 2]
+            pixels[i, 1] = K[1, 0] * right + K[1, 1] * down + K[1, 2]
+    return pixels, depth
+
+
+@njit(cache=True, nogil=True)
+def visible(pixels, depth, height, width, rows, columns, nearer, share):
+    """Find the points that an image (height, width) shows: inside, and not hidden by nearer ones, (N,) bool.
+
+    A point is hidden if a point at most `rows` and `columns` of pixels away is nearer by more than `nearer` [m] and
+    more than `share` of its depth.
+    """
+    nearest = np.full((height, width), np.inf)
+    inside = np.zeros(len(pixels), np.bool_)
+    for i in range(len(pixels)):
+        u, v = pixels[i, 0], pixels[i, 1]
+        if -0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5:
+            inside[i] = True
+            row, column = math.floor(v + 0.5), math.floor(u + 0.5)
+            nearest[row, column] = min(nearest[row, column], depth[i])
+    for i in range(len(pixels)):
+        if not inside[i]:
+            continue
+        row, column = math.floor(pixels[i, 1] + 0.5), math.floor(pixels[i, 0] + 0.5)
+        around = depth[i]
+        for r in range(max(row - rows, 0), min(row + rows + 1, height)):
+            for c in range(max(column - columns, 0), min(column + columns + 1, width)):
+                around = min(around, nearest[r, c])
+        inside[i] = depth[i] - around <= max(nearer, share * depth[i])
+    return inside
+
+
+@njit(cache=True, nogil=True)
+def pixels_of(image, pixels, shown):
+    """Look up the colours (N, 3) uint8 of points in an image (H, W, 3); black for those that are not `shown` (N,)."""
+    out = np.zeros((len(pixels), 3), np.uint8)
+    for i in range(len(pixels)):
+        if not shown[i]:
+            continue
+        row, column = math.floor(pixels[i, 1] + 0.5), math.floor(pixels[i, 0] + 0.5)
+        black = True
+        for channel in range(3):
+            out[i, channel] = image[row, column, channel]
+            black = black and out[i, channel] == 0
+        if black:
+            out[i] = 1
+    return out

@@ -53,19 +53,23 @@ class GlobalMap(VoxelAverages):
         Args:
             views: Range images of scans with their poses T_world_lidar (4, 4).
         """
-        self._passes = np.zeros(self._count, np.uint16)
         tiles = _Tiles(self._keys[: self._count], self.size)
+        xyz, passes = kernels.means(self._sums, self._keys, tiles.order, self.size), np.zeros(self._count, np.uint16)
         for view, pose in views:
             kernels.pass_through(
                 view.passed(), view.first_row, SPHERE_ROWS, se3.inverse(pose), CARVING_RANGE, MARGIN, SHARE,
-                tiles.order, *tiles.around(pose[:2, 3], CARVING_RANGE), self._keys, self._sums, self.size, self._passes,
+                xyz, *tiles.around(pose[:2, 3], CARVING_RANGE), passes,
             )  # fmt: skip
+        self._passes = np.empty_like(passes)
+        self._passes[tiles.order] = passes
 
     def points(self) -> PointCloud:
         """Return the map so far, in the world frame, without voxels that `carve` found empty."""
         empty = np.zeros(self._count, bool)
         passes = self._passes.astype(np.int64)
-        empty[: len(passes)] = (passes >= MIN_PASSES) & (passes > PASSES_PER_HIT * self._seen[: len(passes)])
+        empty[: len(passes)] = (passes >= MIN_PASSES) & (
+            passes > PASSES_PER_HIT * self._sums[: len(passes), kernels.SEEN]
+        )
         return self._points(~empty)
 
 

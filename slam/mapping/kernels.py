@@ -15,68 +15,92 @@ FREE = np.int32(-1)
 _BITS = 21  # bits of a cell index per axis: +-1,048,576 cells, 200 km with 0.2 m cells
 _MASK = (1 << _BITS) - 1
 _HALF = 1 << (_BITS - 1)
+_EVEN = ~(1 | 1 << _BITS | 1 << (2 * _BITS))
 
-# Columns of a voxel's sums: number of points, offsets from the voxel's corner (3), intensity; with colour also red,
-# green, blue and the number of coloured points.
-_OFFSET, _INTENSITY, _COLOUR, _COLOURED = 1, 4, 5, 8
+# Columns of a voxel's sums: number of points, offsets from the voxel's corner (3), intensity, number of clouds with a
+# point in the voxel, number of the last such cloud plus 1; with colour also red, green, blue and the number of coloured
+# points. Whole numbers are exact in float32 up to 2^24.
+_OFFSET, _INTENSITY, SEEN, _LAST, _COLOUR, _COLOURED = 1, 4, 5, 6, 7, 10
+_ATAN = (  # of an odd polynomial, atan(q) to 8e-8 for q from 0 to 1
+    0.9999998977538576, -0.33331959724324617, 0.1996923539479917, -0.14016585042087332,
+    0.09906096896068989, -0.05936710078921716, 0.024166189522201037, -0.0046687733076170145,
+)  # fmt: skip
+_BLOCK = 256  # points that are processed together
+_NEAR = 1e-4  # bins to the next bin, within which the polynomial's angle is not sure of the bin
 
 
 @njit(inline="always")
 def _find(table, cell_keys, key):
     """Slot of the voxel `key`, or the free slot where it belongs."""
     mask = len(table) - 1
-    h = key * np.int64(-7046029254386353131)  # 2^64 / golden ratio: mixes the high bits of the product well
-    slot = np.int64(h ^ (h >> 32)) & mask
+    low = (key & 1) | ((key >> (_BITS - 1)) & 2) | ((key >> (2 * _BITS - 2)) & 4)
+    h = (key & _EVEN) * np.int64(-7046029254386353131)  # 2^64 / golden ratio: mixes the high bits of the product well
+    slot = (np.int64(h ^ (h >> 32)) << 3 | low) & mask
     while table[slot] != FREE and cell_keys[table[slot]] != key:
         slot = (slot + 1) & mask
     return slot
 
 
-@njit(cache=True, nogil=True)
-def average_into(
-    xyz, intensity, colour, pose, size, min_range, max_range, table, cell_keys, sums, seen, last, number, count
-):
-    """Add points (N, 3) between the two ranges, transformed by `pose` (4, 4), to the averages of their voxels.
-
-    `colour` is (N, 3) uint8, black where no camera saw the point, or (0, 3). `seen` (C,) uint16 counts the clouds with
-    a point in a voxel, `last` (C,) int32 is the `number` of the latest one. Returns the new number of voxels.
-    """
+@njit
+def _voxels(xyz, sigma, max_sigma, pose, size, min_range, max_range, begin, keys, offsets):
+    """Write the voxel of each point from `begin` on, -1 for those left out, and the offset from its corner."""
     inverse_size = 1.0 / size
-    coloured = len(colour) > 0
-    last_key, cell = np.int64(-1), 0
-    for i in range(len(xyz)):
+    nearest, farthest = min_range * min_range, max_range * max_range
+    for k in range(min(len(keys), len(xyz) - begin)):
+        i = begin + k
         px, py, pz = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
-        if not min_range * min_range <= px * px + py * py + pz * pz <= max_range * max_range:
-            continue
+        squared = px * px + py * py + pz * pz
         x = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * pz + pose[0, 3]
         y = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * pz + pose[1, 3]
         z = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * pz + pose[2, 3]
-        cx, cy, cz = math.floor(x * inverse_size), math.floor(y * inverse_size), math.floor(z * inverse_size)
+        cx, cy, cz = np.floor(x * inverse_size), np.floor(y * inverse_size), np.floor(z * inverse_size)
+        offsets[k, 0], offsets[k, 1], offsets[k, 2] = x - cx * size, y - cy * size, z - cz * size
         key = ((np.int64(cx) & _MASK) << (2 * _BITS)) | ((np.int64(cy) & _MASK) << _BITS) | (np.int64(cz) & _MASK)
-        if key != last_key:  # consecutive points of a scan mostly share the voxel
-            last_key = key
-            slot = _find(table, cell_keys, key)
+        keys[k] = key if (nearest <= squared) & (squared <= farthest) & (sigma[i] <= max_sigma) else np.int64(-1)
+
+
+@njit(cache=True, nogil=True)
+def average_into(
+    xyz, intensity, colour, sigma, max_sigma, pose, size, min_range, max_range, table, cell_keys, sums, number, count
+):
+    """Add points (N, 3) between the two ranges, transformed by `pose` (4, 4), to the averages of their voxels.
+
+    `colour` is (N, 3) uint8, black where no camera saw the point, or (0, 3). Points with a `sigma` (N,) above
+    `max_sigma` are left out. `number` is that of the cloud, from 0. Returns the new number of voxels.
+
+    The points are taken in blocks, so that the waits for the memory of several voxels overlap.
+    """
+    coloured, latest = len(colour) > 0, np.float32(number + 1)
+    keys, offsets, cells = np.empty(_BLOCK, np.int64), np.empty((_BLOCK, 3)), np.empty(_BLOCK, np.int32)
+    for begin in range(0, len(xyz), _BLOCK):
+        points = min(_BLOCK, len(xyz) - begin)
+        _voxels(xyz, sigma, max_sigma, pose, size, min_range, max_range, begin, keys, offsets)
+        for k in range(points):
+            if keys[k] < 0:
+                continue
+            slot = _find(table, cell_keys, keys[k])
             if table[slot] == FREE:
                 table[slot] = count
-                cell_keys[count] = key
+                cell_keys[count] = keys[k]
                 sums[count] = 0.0
-                seen[count] = 0
-                last[count] = -1
                 count += 1
-            cell = table[slot]
-            if last[cell] != number:
-                last[cell] = number
-                seen[cell] = min(seen[cell] + 1, 65535)
-        row = sums[cell]
-        row[0] += 1.0
-        row[_OFFSET] += x - cx * size
-        row[_OFFSET + 1] += y - cy * size
-        row[_OFFSET + 2] += z - cz * size
-        row[_INTENSITY] += intensity[i]
-        if coloured and (colour[i, 0] > 0 or colour[i, 1] > 0 or colour[i, 2] > 0):
-            for channel in range(3):
-                row[_COLOUR + channel] += colour[i, channel]
-            row[_COLOURED] += 1.0
+            cells[k] = table[slot]
+        for k in range(points):
+            if keys[k] < 0:
+                continue
+            i, row = begin + k, sums[cells[k]]
+            if row[_LAST] != latest:
+                row[_LAST] = latest
+                row[SEEN] += 1.0
+            row[0] += 1.0
+            row[_OFFSET] += offsets[k, 0]
+            row[_OFFSET + 1] += offsets[k, 1]
+            row[_OFFSET + 2] += offsets[k, 2]
+            row[_INTENSITY] += intensity[i]
+            if coloured and (colour[i, 0] > 0 or colour[i, 1] > 0 or colour[i, 2] > 0):
+                for channel in range(3):
+                    row[_COLOUR + channel] += colour[i, channel]
+                row[_COLOURED] += 1.0
     return count
 
 
@@ -95,29 +119,79 @@ def _corner(key, axis):
     return ((index + _HALF) & _MASK) - _HALF
 
 
+@njit(inline="always")
+def _mean(sums, cell_keys, cell, axis, size):
+    """Coordinate of the mean point of a voxel."""
+    points = np.float64(sums[cell, 0])
+    return _corner(cell_keys[cell], axis) * size + sums[cell, _OFFSET + axis] / points
+
+
+@njit(inline="always")
+def _mean_colour(sums, cell, colour):
+    """Write the mean colour of a voxel to `colour` (3,); it stays black if no point had one."""
+    if sums.shape[1] > _COLOURED and sums[cell, _COLOURED] > 0:
+        for channel in range(3):
+            colour[channel] = round(sums[cell, _COLOUR + channel] / sums[cell, _COLOURED])
+
+
 @njit(cache=True, nogil=True)
 def averages(sums, cell_keys, kept, size):
     """Compute mean point (K, 3) float32, intensity (K,) float32 and colour (K, 3) uint8 of the voxels `kept` (C,) bool.
 
-    The colour is black if no point had one.
+    The colour is black if no point had one, and (0, 3) if none of all voxels had one.
     """
     total = kept.sum()
     xyz, intensity = np.empty((total, 3), np.float32), np.empty(total, np.float32)
-    colour = np.zeros((total, 3), np.uint8)
-    coloured = sums.shape[1] > _COLOURED
+    colour = np.zeros((total if sums.shape[1] > _COLOURED else 0, 3), np.uint8)
     row = 0
     for cell in range(len(kept)):
         if not kept[cell]:
             continue
-        points = np.float64(sums[cell, 0])
         for axis in range(3):
-            xyz[row, axis] = _corner(cell_keys[cell], axis) * size + sums[cell, _OFFSET + axis] / points
-        intensity[row] = sums[cell, _INTENSITY] / points
-        if coloured and sums[cell, _COLOURED] > 0:
-            for channel in range(3):
-                colour[row, channel] = round(sums[cell, _COLOUR + channel] / sums[cell, _COLOURED])
+            xyz[row, axis] = _mean(sums, cell_keys, cell, axis, size)
+        intensity[row] = sums[cell, _INTENSITY] / np.float64(sums[cell, 0])
+        if len(colour):
+            _mean_colour(sums, cell, colour[row])
         row += 1
     return xyz, intensity, colour
+
+
+@njit(cache=True, nogil=True)
+def steps(sums, cell_keys, count, size, step):
+    """Compute the averages of all voxels in whole numbers, without points beyond int16.
+
+    These are coordinates (K, 3) int16 in steps of `step` [m], intensities (K,) uint8 in steps of 1 / 255, and colours
+    (K, 3) uint8.
+    """
+    xyz, intensity = np.empty((count, 3), np.int16), np.empty(count, np.uint8)
+    colour = np.zeros((count if sums.shape[1] > _COLOURED else 0, 3), np.uint8)
+    limit, row = np.float32(1 << 15), 0
+    for cell in range(count):
+        x, y, z = (
+            np.rint(np.float32(_mean(sums, cell_keys, cell, 0, size)) / step),
+            np.rint(np.float32(_mean(sums, cell_keys, cell, 1, size)) / step),
+            np.rint(np.float32(_mean(sums, cell_keys, cell, 2, size)) / step),
+        )
+        if not (abs(x) < limit and abs(y) < limit and abs(z) < limit):
+            continue
+        xyz[row, 0], xyz[row, 1], xyz[row, 2] = np.int16(x), np.int16(y), np.int16(z)
+        mean = np.float32(sums[cell, _INTENSITY] / np.float64(sums[cell, 0]))
+        share = min(max(mean, np.float32(0.0)), np.float32(1.0))
+        intensity[row] = np.uint8(np.rint(np.float32(255.0) * share))
+        if len(colour):
+            _mean_colour(sums, cell, colour[row])
+        row += 1
+    return xyz[:row], intensity[:row], colour[:row] if len(colour) else colour
+
+
+@njit(cache=True, nogil=True)
+def means(sums, cell_keys, order, size):
+    """Compute the mean points (C, 3) float64 of voxels in the given order."""
+    xyz = np.empty((len(order), 3))
+    for place in range(len(order)):
+        for axis in range(3):
+            xyz[place, axis] = _mean(sums, cell_keys, order[place], axis, size)
+    return xyz
 
 
 @njit(cache=True, nogil=True)
@@ -131,21 +205,39 @@ def tiles(cell_keys, width):
 
 
 @njit(inline="always")
+def _angle(y, x):
+    """Angle of (x, y) to 8e-8 rad, several times faster than atan2."""
+    across, along = abs(y), abs(x)
+    steep = across > along  # selections in place of branches, which directions of points would mispredict
+    q = (along if steep else across) / ((across if steep else along) + 1e-300)
+    s = q * q
+    high = _ATAN[4] + s * (_ATAN[5] + s * (_ATAN[6] + s * _ATAN[7]))
+    angle = q * (_ATAN[0] + s * (_ATAN[1] + s * (_ATAN[2] + s * (_ATAN[3] + s * high))))
+    angle = 0.5 * math.pi - angle if steep else angle
+    angle = math.pi - angle if x < 0.0 else angle
+    return -angle if y < 0.0 else angle
+
+
+@njit(inline="always")
 def _bin(x, y, z, rows, columns):
     """Row (0 = straight up) and column of a direction in a range image of the whole sphere."""
-    row = int((0.5 - math.atan2(z, math.sqrt(x * x + y * y)) / math.pi) * rows)
-    column = int((0.5 + math.atan2(y, x) / (2 * math.pi)) * columns)
-    return min(row, rows - 1), column % columns
+    rho = math.sqrt(x * x + y * y)
+    row, column = (0.5 - _angle(z, rho) / math.pi) * rows, (0.5 + _angle(y, x) / (2 * math.pi)) * columns
+    if not _NEAR < row - math.floor(row) < 1.0 - _NEAR:
+        row = (0.5 - math.atan2(z, rho) / math.pi) * rows
+    if not _NEAR < column - math.floor(column) < 1.0 - _NEAR:
+        column = (0.5 + math.atan2(y, x) / (2 * math.pi)) * columns
+    return min(int(row), rows - 1), int(column) if column < columns else 0
 
 
 @njit(cache=True, nogil=True)
-def range_image(xyz, rows, columns):
-    """Compute the range of the nearest return [cm] in each bin, (rows, columns) uint16, 0 without a return."""
+def range_image(xyz, measured, rows, columns):
+    """Compute the range of the nearest `measured` (N,) return [cm] in each bin, (rows, columns) uint16, 0 for none."""
     image = np.zeros((rows, columns), np.uint16)
     for i in range(len(xyz)):
         x, y, z = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
         reach = math.sqrt(x * x + y * y + z * z)
-        if not (reach > 0.0 and math.isfinite(reach)):
+        if not (measured[i] and reach > 0.0 and math.isfinite(reach)):
             continue
         row, column = _bin(x, y, z, rows, columns)
         centimetres = max(1, min(int(100.0 * reach), 65535))
@@ -188,23 +280,17 @@ def nearest_around(image, gap):
 
 
 @njit(cache=True, nogil=True)
-def pass_through(
-    nearest, first_row, rows, T_lidar_world, reach, margin, share, order, starts, stops, cell_keys, sums, size, passes
-):
-    """Count in `passes` (C,) uint16 the voxels within `reach` [m] that the beams of a scan passed through.
+def pass_through(nearest, first_row, rows, T_lidar_world, reach, margin, share, xyz, starts, stops, passes):
+    """Count in `passes` (C,) uint16 the points (C, 3) within `reach` [m] that the beams of a scan passed.
 
     `nearest` (R, C) is the result of `nearest_around`, from `first_row` on of an image with `rows` rows. A beam has
-    passed a voxel if all returns around its direction are farther by more than `margin` [m] + `share` of the distance.
-    `order` lists the voxels by tile; those of tile t, from starts[t] to stops[t], are checked.
+    passed a point if all returns around its direction are farther by more than `margin` [m] + `share` of the distance.
+    The points are sorted by tile; those of tile t, from starts[t] to stops[t], are checked.
     """
     T, columns = T_lidar_world, nearest.shape[1]
     for tile in range(len(starts)):
-        for place in range(starts[tile], stops[tile]):
-            cell = order[place]
-            points = np.float64(sums[cell, 0])
-            wx = _corner(cell_keys[cell], 0) * size + sums[cell, _OFFSET] / points
-            wy = _corner(cell_keys[cell], 1) * size + sums[cell, _OFFSET + 1] / points
-            wz = _corner(cell_keys[cell], 2) * size + sums[cell, _OFFSET + 2] / points
+        for at in range(starts[tile], stops[tile]):
+            wx, wy, wz = xyz[at, 0], xyz[at, 1], xyz[at, 2]
             x = T[0, 0] * wx + T[0, 1] * wy + T[0, 2] * wz + T[0, 3]
             y = T[1, 0] * wx + T[1, 1] * wy + T[1, 2] * wz + T[1, 3]
             z = T[2, 0] * wx + T[2, 1] * wy + T[2, 2] * wz + T[2, 3]
@@ -215,6 +301,5 @@ def pass_through(
             row -= first_row
             if row < 0 or row >= len(nearest):
                 continue
-            distance = math.sqrt(squared)
-            if nearest[row, column] > distance * (1.0 + share) + margin:
-                passes[cell] = min(passes[cell] + 1, 65535)
+            if nearest[row, column] > math.sqrt(squared) * (1.0 + share) + margin:
+                passes[at] = min(passes[at] + 1, 65535)

@@ -41,6 +41,16 @@ class Keyframe:
     view: RangeImage
 
 
+@dataclass(frozen=True, eq=False)
+class _Begun:
+    """The keyframe whose scans are being gathered; attributes as in `Keyframe`."""
+
+    index: int
+    pose: Array
+    travelled: float
+    view: RangeImage
+
+
 class Storage(Protocol):
     """Where complete keyframes are kept beyond the run, as in a session."""
 
@@ -74,7 +84,7 @@ class Keyframes(Sequence[Keyframe]):
         self.settings = settings or KeyframeSettings()
         limits = self.settings
         self._gathered = VoxelAverages(limits.voxel_size, limits.min_range, limits.max_range)
-        self._begun: Keyframe | None = None  # with the cloud of its own scan only
+        self._begun: _Begun | None = None
         self._kept, self._storage = list(kept), storage
         self.spill = Spill(int(1e6 * limits.memory_mb), storage.block if storage else None, len(kept))
         self._unpacked_lately = lru_cache(RECENT)(self._unpack)  # submaps read the same neighbours repeatedly
@@ -93,10 +103,8 @@ class Keyframes(Sequence[Keyframe]):
         """
         done = self.finish() if self._begun and self.begins(pose) else None
         if self._begun is None:
-            beams = cloud.select(cloud.measured)  # predicted points are no beams and must not carve voxels
-            self._begun = Keyframe(index, pose.copy(), travelled, cloud, RangeImage.of(beams))
-        sure = cloud.select(cloud.sigma <= self.settings.max_sigma)
-        self._gathered.insert(sure, se3.inverse(self._begun.pose) @ pose)
+            self._begun = _Begun(index, pose.copy(), travelled, RangeImage.of(cloud))
+        self._gathered.insert(cloud, se3.inverse(self._begun.pose) @ pose, self.settings.max_sigma)
         return done
 
     def finish(self) -> Keyframe | None:
@@ -104,7 +112,7 @@ class Keyframes(Sequence[Keyframe]):
         if self._begun is None:
             return None
         begun, self._begun = self._begun, None
-        block = _packed(self._gathered.points(), begun.view)
+        block = _packed(self._gathered, begun.view)
         if self._storage:
             self._storage.store(begun.index, begun.travelled, begun.pose, block)
         self.spill.append(block)
@@ -156,14 +164,11 @@ class Keyframes(Sequence[Keyframe]):
         return bool(moved >= self.settings.distance or turned >= self.settings.angle_deg)
 
 
-def _packed(cloud: PointCloud, view: RangeImage) -> bytes:
+def _packed(gathered: VoxelAverages, view: RangeImage) -> bytes:
     """Bytes: header (points, has colour, first row of the view), coordinates, intensities, colours, view."""
-    steps = np.round(cloud.xyz / np.float32(COORDINATE_STEP))
-    within = (np.abs(steps) < 1 << 15).all(axis=1)
-    header = np.array([within.sum(), cloud.colour is not None, view.first_row], np.int32)
-    intensity = np.round(255 * np.clip(cloud.intensity[within], 0, 1)).astype(np.uint8)
-    colour = np.zeros(0, np.uint8) if cloud.colour is None else cloud.colour[within]
-    parts = (header, steps[within].astype(np.int16), intensity, colour, view.nearest)
+    xyz, intensity, colour = gathered.steps(COORDINATE_STEP)
+    header = np.array([len(xyz), colour is not None, view.first_row], np.int32)
+    parts = (header, xyz, intensity, np.zeros(0, np.uint8) if colour is None else colour, view.nearest)
     return b"".join(part.tobytes() for part in parts)
 
 

@@ -27,7 +27,7 @@ class RangeImage:
     @staticmethod
     def of(cloud: PointCloud) -> RangeImage:
         """Build the range image from the measured points; predicted points are no beams."""
-        image = kernels.range_image(cloud.xyz[cloud.measured], SPHERE_ROWS, SPHERE_COLUMNS)
+        image = kernels.range_image(cloud.xyz, cloud.measured, SPHERE_ROWS, SPHERE_COLUMNS)
         filled = image.any(axis=1).nonzero()[0]
         if len(filled) == 0:
             return RangeImage(0, image[:0])

@@ -13,8 +13,8 @@ import pytest
 
 from slam.config import load_config
 from slam.data.cloud import Frame, PointCloud
-from slam.pipeline import Slam
 from slam.run import Run
+from slam.slam import Slam
 
 Array = np.ndarray
 NEAR = 0.05  # m from the true position

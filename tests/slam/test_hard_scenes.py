@@ -7,8 +7,8 @@ import pytest
 
 from slam.config import load_config
 from slam.data.cloud import Array, Frame, PointCloud
-from slam.pipeline import Slam
 from slam.run import Run
+from slam.slam import Slam
 
 LENGTH, RANGE = 220.0, 40.0  # m
 

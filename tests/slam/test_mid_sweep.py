@@ -167,7 +167,7 @@ def tables(frames: list[SimulatedFrame]) -> list[Array]:
 @pytest.fixture(scope="module")
 def expected(tables: list[Array]) -> Array:
     from slam.data.cloud import Frame
-    from slam.pipeline import Slam
+    from slam.slam import Slam
 
     with Slam(load_config(None, ["loops.enabled=false"])) as slam:
         for k, table in enumerate(tables):

@@ -14,8 +14,9 @@ from slam.data import se3
 from slam.data.cloud import HISTORY, Array, Frame, History, PointCloud
 from slam.data.dataset import Dataset, open_dataset
 from slam.data.errors import InputError
-from slam.pipeline import Pipeline, sweep_duration
+from slam.pipeline import Pipeline
 from slam.run import STAGES, FrameRecord, Run
+from slam.source import sweep_duration
 
 Drive = Callable[..., Path]
 RealData = Callable[[str], Path]

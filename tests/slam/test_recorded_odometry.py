@@ -13,8 +13,9 @@ from slam.data.cloud import Array
 from slam.data.dataset import open_dataset
 from slam.data.errors import InputError
 from slam.data.pose_files import kitti_text, tum_text
-from slam.pipeline import Pipeline, sweep_duration
+from slam.pipeline import Pipeline
 from slam.recorded_odometry import RecordedOdometry
+from slam.source import sweep_duration
 
 Drive = Callable[..., Path]
 

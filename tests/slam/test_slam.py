@@ -18,10 +18,10 @@ from slam.data.errors import InputError
 from slam.journal import journal as journals
 from slam.journal.journal import Journal
 from slam.odometry import OdometryStep
-from slam.pipeline import Slam
 from slam.recorded_odometry import RecordedSteps
 from slam.recovery import recovered
 from slam.run import Run
+from slam.slam import Slam
 
 SIDE, FRAMES = 24.0, 112  # m, side of a square block; more than one round
 
