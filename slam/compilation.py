@@ -9,8 +9,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
+from numba.core.event import Listener, install_listener
 
 from slam.data.camera import with_colour
 from slam.data.cloud import Calibration, PointCloud
@@ -21,29 +23,38 @@ from slam.mapping.keyframes import Keyframes
 from slam.odometry import Odometry
 from slam.settings import Config
 
-PATIENCE = 1.5  # s until the user is told
-
 
 def compile_kernels(config: Config, notify: Callable[[], None]) -> None:
-    """Load all kernels of a run from the disk or compile them; call `notify` once if this takes more than PATIENCE."""
+    """Load all kernels of a run from the disk or compile them; `notify` as in `compile_odometry`."""
     compile_odometry(config, notify)
     for compile_some in _of_mapping(config):
         compile_some()
 
 
 def compile_odometry(config: Config, notify: Callable[[], None]) -> None:
-    """Load the kernels of the odometry from the disk or compile them; `notify` as in `compile_kernels`."""
-    timer = threading.Timer(PATIENCE, notify)
-    timer.start()
-    try:
+    """Load the kernels of the odometry from the disk, or call `notify` and compile them."""
+    with install_listener("numba:compile", _Told(notify)):
         cloud = _cloud()
         odometry = Odometry(config.odometry, vertical_correction=0.01)
         for stamp in (0.0, 0.1, 0.2):
             odometry.register(cloud, stamp)
         assert odometry.target is not None
         odometry.target.evict(np.zeros(3), 1.0)
-    finally:
-        timer.cancel()
+
+
+class _Told(Listener):
+    """Calls a function when the first kernel begins to be compiled; kernels from the disk are not."""
+
+    def __init__(self, notify: Callable[[], None]) -> None:
+        self._notify: Callable[[], None] | None = notify
+
+    def on_start(self, event: Any) -> None:
+        if self._notify:
+            self._notify()
+            self._notify = None
+
+    def on_end(self, event: Any) -> None:
+        """Nothing is left to say."""
 
 
 @contextmanager
