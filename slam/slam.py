@@ -15,6 +15,7 @@ import numpy as np
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.errors import InputError
 from slam.data.problem import Problem
+from slam.data.scan_size import size_problem, thinned
 from slam.data.stamps import stamp_problems
 from slam.data.world_frame import centre, world_frame_problem
 from slam.front_end import FrontEnd, RingFrontEnd
@@ -121,7 +122,7 @@ class Slam:
         self._check(frame)
         images = self._progress.images.watch(frame)
         self._progress.centres.append(centre(frame.cloud.xyz))
-        tracked = self._tracker(frame)
+        tracked = self._tracker(thinned(frame))
         self._report(self._progress.images.found(images))
         self.result.timed += tracked.timed
         self.result.sizes = self._tracker.sizes
@@ -148,7 +149,7 @@ class Slam:
             raise InputError(f"frame {frame.index}: the stamp is {frame.stamp}; give the scan's time in seconds")
         check_times(frame, self._sweep_duration)
         before = self.result.records[-1] if self.result.records else None
-        self._report((*frame.problems, *stamp_problems(frame, before, self._sweep_duration)))
+        self._report((*frame.problems, *size_problem(frame), *stamp_problems(frame, before, self._sweep_duration)))
 
     def _report(self, problems: Sequence[Problem]) -> None:
         """Add problems to the run, or raise the first one if the run is strict."""

@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from slam.cell_sizes import Sizes, choose_sizes
+from slam.consistency import LastScan
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.data.distortion import correct_vertical, deskew
@@ -20,6 +21,7 @@ from slam.registration.result import RegistrationResult
 from slam.registration.voxels import VoxelFilter
 from slam.settings import OdometrySettings
 
+MAX_POINTS = 40_000  # of a downsampled scan for registration; more: points all over the place
 MIN_POINTS = 50  # of a downsampled scan for registration; fewer: an empty or almost empty file
 MIN_INTERVAL = 0.2  # sweeps between two stamps; a shorter interval is an error of the stamps
 GAP = 5.0  # sweeps between two stamps, after which registration starts with a search around the prediction
@@ -34,6 +36,7 @@ MAX_INITIAL_SPEED = 45.0  # m/s, of the first motion: a row of posts fits at any
 DISTINCT = 0.4  # distance between two different motions, relative to the finest cells
 MIN_OVERLAP_RATIO, OVERLAP_WINDOW = 0.8, 10  # of a plausible registration, to the running mean; scans in the mean
 MIN_INLIER_RATIO = 0.8  # of a registration, to the running mean: at another place walls and ground fit by half
+SURE_INLIER_RATIO = 0.9  # the same, above which the points that fit are evidence enough
 RELATIVE_VARIANCE_FACTOR = 2  # both poses of a motion have a registration error
 ALL_OBSERVED = np.zeros((0, 3))  # no unobservable directions
 FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m; of a predicted pose
@@ -142,6 +145,7 @@ class Track:
         self._mean_inliers = 0.0
         self._unobserved, self._unobserved_for = np.zeros((0, 3)), 0.0  # in the map's axes; s
         self._last_eviction = np.zeros(3)
+        self._last = LastScan()
         self._first: PointCloud | None = None  # as recorded; deskewed again with the motion to the second scan
         self.competing, self.evidence = False, 0.0
 
@@ -176,7 +180,7 @@ class Track:
             return []
         score = self.target.scorer(*points, self._pose)
         candidates = self._candidate_registrations(self.target, points, [self._pose], score)
-        distinct = self._distinct_motions(candidates, score, stamp)
+        distinct = self._distinct_motions(candidates, prepared.scan, score, stamp)
         if distinct and len(self.target.unobserved(*points, distinct[0].pose, ALL_OBSERVED)) > 1:
             return []  # over a bare plane, every motion fits
         hypotheses = []
@@ -205,7 +209,7 @@ class Track:
         return self.target.align(*prepared.points, found.pose), prepared
 
     def _distinct_motions(
-        self, candidates: list[RegistrationResult], score: Callable[[Array], float], stamp: float
+        self, candidates: list[RegistrationResult], scan: PointCloud, score: Callable[[Array], float], stamp: float
     ) -> list[RegistrationResult]:
         """The valid registrations of possible motions, best first, without near duplicates."""
         assert self.target is not None
@@ -214,7 +218,8 @@ class Track:
         for found in sorted(candidates, key=lambda result: score(result.pose), reverse=True):
             duplicate = any(_distance(other.pose, found.pose) < min_distance for other in distinct)
             possible = _distance(self._pose, found.pose) < max_distance
-            if possible and not duplicate and self._is_valid(found, ALL_OBSERVED):
+            sound = self._is_valid(found, ALL_OBSERVED) and self._agrees(scan, found, stamp)
+            if possible and not duplicate and sound:
                 distinct.append(found)
         return distinct
 
@@ -228,6 +233,8 @@ class Track:
             return Prepared(scan, NO_POINTS, NO_POINTS, None)
         *map_points, in_map = self._map_filter(scan.xyz, self._weights(scan))
         *points, registered = self._registration_filter(*map_points)
+        some = slice(None, None, max(1, len(registered) // MAX_POINTS))
+        points, registered = [values[some] for values in points], registered[some]
         time = None if cloud.time is None else cloud.time[in_map[registered]]
         return Prepared(scan, (map_points[0], map_points[1]), (points[0], points[1]), time)
 
@@ -238,6 +245,8 @@ class Track:
         if step.status != "failed":
             self._update_motion(step, stamp)
         restarted = self.target is not None and self._update_map(self.target, step, prepared.map_points)
+        if step.status != "failed" or restarted:
+            self._last.keep(prepared.scan.xyz, step.pose)
         return replace(step, velocity=self._velocity, restarted=restarted and self.settings.target == "map")
 
     def predict(self, stamp: float) -> Array:
@@ -267,7 +276,7 @@ class Track:
         if self.competing:  # no search: a competing hypothesis keeps to its own motion
             found = target.align(*points, prediction)
             diverged = _distance(prediction, found.pose) > DISTINCT * target.convergence_radius
-            if diverged or not self._is_valid(found, ALL_OBSERVED):
+            if diverged or not self._is_valid(found, ALL_OBSERVED) or not self._agrees(scan, found, stamp):
                 return self._prediction_step(prediction, scan, found)
             covariance = self._motion_covariance(target, prepared, found)
             return OdometryStep(found.pose, covariance, "registered", found, scan)
@@ -285,7 +294,7 @@ class Track:
             found = target.align(*points, steady_pose, _unobserved_twists(lost))
         elif self._registered > 1 and not gap and not self._is_plausible(prediction, found):
             status, found = "retried", self._search(target, points, [prediction], found)
-        if not self._is_valid(found, lost) or not self._fits_as_before(found):
+        if not self._is_valid(found, lost) or not self._agrees(scan, found, stamp):
             return self._prediction_step(prediction, scan, found)
         self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
         self._unobserved = lost
@@ -347,9 +356,22 @@ class Track:
         close = self._deviation(prediction, found.pose) < self._max_deviation()
         return close and self._is_valid(found, ALL_OBSERVED)
 
-    def _fits_as_before(self, found: RegistrationResult) -> bool:
-        """Whether about as many points fit as in the last scans: not so if the sensor was carried to another place."""
-        return self._registered < OVERLAP_WINDOW or found.inlier_ratio >= MIN_INLIER_RATIO * self._mean_inliers
+    def _agrees(self, scan: PointCloud, found: RegistrationResult, stamp: float) -> bool:
+        """Whether a scan can show the scene of the last ones: not so if it is damaged, or the sensor was carried.
+
+        About as many points must fit as in the last scans. If somewhat fewer fit or meet the map, the last scan itself
+        must agree, unless the one before this failed: traffic may be dense.
+        """
+        if self.settings.target == "scan" and self._registered < OVERLAP_WINDOW:
+            return True  # against a single scan the share of points that fit varies
+        fit = found.inlier_ratio / (self._mean_inliers or 1.0)
+        if fit < MIN_INLIER_RATIO:
+            return False
+        if self._elapsed(stamp) > GAP * self.sweep_duration:
+            return True
+        few = fit < SURE_INLIER_RATIO or found.overlap < MIN_OVERLAP_RATIO * self._mean_overlap
+        doubtful = (few or self._registered < 2) and self._failures == 0
+        return self._last.resembles(scan.xyz) and not (doubtful and self._last.contradicts(scan.xyz, found.pose))
 
     def _is_valid(self, found: RegistrationResult, lost: Array) -> bool:
         """Whether inlier ratio and covariance are within limits, except along the unobservable directions `lost`."""

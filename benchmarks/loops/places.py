@@ -152,7 +152,7 @@ def cost(clouds: Sequence[Array], settings: ScanContextSettings, counts: Sequenc
     for count in counts:
         milliseconds = []
         while len(places) < count:
-            xyz, start = _patched(len(places), clouds), time.perf_counter()
+            xyz, start = patched(len(places), clouds), time.perf_counter()
             timed = len(places) >= count - TIMED
             if timed:
                 places.query(xyz, float(len(places)))
@@ -170,13 +170,13 @@ def _recall(places: ScanContext, clouds: Sequence[Array]) -> Figures:
     rng, found = np.random.default_rng(0), {"recall": 0.0, "recall_exhaustive": 0.0}
     end = float(len(places)) + places.settings.min_travelled_distance
     for place in rng.choice(len(places), TIMED, replace=False):
-        xyz = _seen_again(rng, _patched(int(place), clouds))
+        xyz = seen_again(rng, patched(int(place), clouds))
         for name, exhaustive in (("recall", False), ("recall_exhaustive", True)):
             found[name] += (places.query(xyz, end, exhaustive)[0].index == place) / TIMED
     return found
 
 
-def _patched(place: int, clouds: Sequence[Array]) -> Array:
+def patched(place: int, clouds: Sequence[Array]) -> Array:
     """A place of its own for each number: the left half of one cloud and the right half of another, each turned."""
     rng, halves = np.random.default_rng(place), []
     for side in (1, -1):
@@ -187,7 +187,7 @@ def _patched(place: int, clouds: Sequence[Array]) -> Array:
     return np.concatenate(halves)
 
 
-def _seen_again(rng: np.random.Generator, xyz: Array) -> Array:
+def seen_again(rng: np.random.Generator, xyz: Array) -> Array:
     """Half of the points (N, 3), seen from up to 2 m aside, turned by any angle."""
     aside = se3.exp(np.array([0, 0, rng.uniform(-np.pi, np.pi), *rng.uniform(-1.4, 1.4, 2), 0])).astype(np.float32)
     half = xyz[rng.random(len(xyz)) < 0.5]

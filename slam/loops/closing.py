@@ -9,7 +9,7 @@ import numpy as np
 from slam.data import se3
 from slam.data.cloud import Array
 from slam.graph.ledger import LoopCandidate
-from slam.loops.scan_context import Candidate, ScanContext, descriptor, levelled, levelled_submap
+from slam.loops.scan_context import Candidate, ScanContext, descriptor, levelled, levelled_submap, shifted_descriptors
 from slam.loops.verification import Verification, Verifier
 from slam.mapping.keyframes import Keyframe
 from slam.settings import LoopSettings
@@ -25,6 +25,8 @@ class LoopSearch:
     def __init__(self, settings: LoopSettings) -> None:
         self.settings = settings
         self.descriptor = np.zeros((0, 0), np.float32)
+        shifts = settings.scan_context.lateral_shifts
+        self._own_shift = shifts.index(0.0) if 0.0 in shifts else None  # of the virtual sensors, the sensor itself
         self._places, self._verifier = ScanContext(settings.scan_context), Verifier(settings.verification)
 
     def __len__(self) -> int:
@@ -45,8 +47,9 @@ class LoopSearch:
         """
         query = len(self._places)
         cloud, travelled = self._surroundings(keyframes, query), keyframes[query].travelled
-        candidates = self._places.query(cloud, travelled)[: self.settings.max_candidates]
-        self.descriptor = descriptor(cloud, self.settings.scan_context)
+        contexts, own = shifted_descriptors(cloud, self.settings.scan_context), self._own_shift
+        candidates = self._places.search(contexts, travelled)[: self.settings.max_candidates]
+        self.descriptor = contexts[own] if own is not None else descriptor(cloud, self.settings.scan_context)
         self._places.insert(self.descriptor, travelled)
         found = []
         for candidate in candidates:

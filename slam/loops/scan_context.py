@@ -12,8 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
-from scipy.spatial.distance import cdist
 
 from slam.data import se3
 from slam.data.cloud import Array
@@ -49,7 +47,7 @@ class Candidate:
 
 DEFAULT = ScanContextSettings()
 
-REBUILD_AFTER = 100  # places added before the k-d tree is rebuilt; until then the new ones are searched linearly
+HARMONICS = 4  # of the height over azimuth in a ring's key, beside its mean; fewer confuse places in sparse clouds
 
 
 def descriptor(xyz: Array, settings: ScanContextSettings = DEFAULT) -> Array:
@@ -61,8 +59,17 @@ def descriptor(xyz: Array, settings: ScanContextSettings = DEFAULT) -> Array:
 
 
 def ring_key(descriptor: Array) -> Array:
-    """Compute the mean of each ring, (..., rings, sectors) -> (..., rings); it is invariant to yaw."""
-    return np.asarray(descriptor.mean(axis=-1))
+    """Compute the key of descriptors, (..., rings, sectors) -> (..., rings * (1 + HARMONICS)) float32.
+
+    The mean of each ring, then the amplitudes of its first harmonics over azimuth: a yaw rotation shifts their phases
+    only. The mean alone confuses ten times as many places (benchmarks/results/place_recognition.md).
+    """
+    sectors = descriptor.shape[-1]
+    waves = np.abs(np.fft.rfft(descriptor, axis=-1)[..., : HARMONICS + 1]) / sectors
+    waves[..., 1:] *= 2  # the other half of the amplitude belongs to the negative frequencies
+    missing = [(0, 0)] * (waves.ndim - 1) + [(0, HARMONICS + 1 - waves.shape[-1])]  # a grid of few sectors has fewer
+    waves = np.moveaxis(np.pad(waves, missing), -1, -2)
+    return np.asarray(waves.reshape(*descriptor.shape[:-2], -1), np.float32)
 
 
 def distance(a: Array, b: Array) -> tuple[float, float]:
@@ -121,10 +128,9 @@ class ScanContext:
         self.settings = settings
         self._count = 0
         self._travelled = np.zeros(64)
-        self._keys = np.zeros((64, settings.rings), np.float32)
+        self._keys = np.zeros((64, settings.rings * (1 + HARMONICS)), np.float32)
         self._columns = np.zeros((64, settings.sectors, settings.rings), np.float32)
         self._filled = np.zeros((64, settings.sectors), np.float32)
-        self._tree = cKDTree(self._keys[:0])
 
     def __len__(self) -> int:
         return self._count
@@ -154,22 +160,31 @@ class ScanContext:
         return row
 
     def query(self, xyz: Array, travelled: float, exhaustive: bool = False) -> list[Candidate]:
-        """Search places similar to that of a cloud, passed at least `min_travelled_distance` before.
+        """Search places similar to that of a cloud, as `search`.
 
         Args:
             xyz: Points (N, 3) in the levelled frame of the query.
+            travelled: Travelled distance [m] of the query.
+            exhaustive: As in `search`.
+        """
+        return self.search(shifted_descriptors(xyz, self.settings), travelled, exhaustive)
+
+    def search(self, contexts: Array, travelled: float, exhaustive: bool = False) -> list[Candidate]:
+        """Search places similar to that of a query, passed at least `min_travelled_distance` before.
+
+        Args:
+            contexts: Descriptors (L, rings, sectors) of the query, one per lateral shift.
             travelled: Travelled distance [m] of the query.
             exhaustive: Compare all places at all shifts instead of those with the nearest ring keys, as a reference.
 
         Returns:
             Candidates, most similar first, each at its best shift; equal ones in the order of insertion.
         """
-        contexts = _descriptors(xyz, self.settings.lateral_shifts, self.settings)
         end = self._end(travelled)
+        if end == 0:
+            return []
         rows = np.arange(end) if exhaustive else self._preselect(ring_key(contexts), end)
         distances, shifts = kernels.align(*_twice(contexts), self._columns, self._filled, rows)
-        if len(rows) == 0:
-            return []
         best = distances.argmin(axis=0)
         each = np.arange(len(rows))
         distances, yaws = distances[best, each], _yaw(shifts[best, each], self.settings.sectors)
@@ -180,15 +195,9 @@ class ScanContext:
         ]
 
     def restore(self, contexts: Array, travelled: Array) -> None:
-        """Insert the places of an earlier session: descriptors (K, rings, sectors), travelled distances (K,) [m].
-
-        The k-d tree is the one of that session, so that later queries have the same answers, also among equals.
-        """
-        size = 0
+        """Insert the places of an earlier session: descriptors (K, rings, sectors), travelled distances (K,) [m]."""
         for context, distance in zip(contexts, travelled.tolist(), strict=True):
-            size = _tree_size(size, self._end(distance))
             self.insert(context, distance)
-        self._tree = cKDTree(self._keys[:size])
 
     def _end(self, travelled: float) -> int:
         """The number of places that a query at a travelled distance [m] may find."""
@@ -196,23 +205,16 @@ class ScanContext:
         return int(np.searchsorted(self._travelled[: self._count], limit, "right"))
 
     def _preselect(self, keys: Array, end: int) -> Array:
-        """Rows of the places before `end` with the ring keys nearest to any of `keys` (L, rings), nearest first."""
-        if (size := _tree_size(self._tree.n, end)) != self._tree.n:
-            self._tree = cKDTree(self._keys[:size])
-        in_tree, after = self._tree.n, np.arange(self._tree.n, end)
-        near, rows = [cdist(keys, self._keys[after])], [np.broadcast_to(after, (len(keys), len(after)))]
-        if in_tree:
-            found = self._tree.query(keys, k=range(1, min(self.settings.max_preselected, in_tree) + 1))
-            near, rows = [*near, found[0]], [*rows, found[1]]
-        merged = np.hstack(rows).ravel()
-        merged = merged[np.lexsort((merged, np.hstack(near).ravel()))]
-        first = np.sort(np.unique(merged, return_index=True)[1])  # the nearest key of each place
-        return np.asarray(merged[first[: self.settings.max_preselected]])
+        """Rows of the places before `end` with the ring keys nearest to any of `keys` (L, K), nearest first."""
+        unlike = kernels.key_distances(keys, self._keys, end)
+        most = min(self.settings.max_preselected, end)
+        near = np.flatnonzero(unlike <= np.partition(unlike, most - 1)[most - 1])
+        return np.asarray(near[np.argsort(unlike[near], kind="stable")[:most]])
 
 
-def _tree_size(before: int, end: int) -> int:
-    """Number of places in the k-d tree for a query that may find `end` places; it had `before`."""
-    return before if 0 <= end - before < REBUILD_AFTER else end
+def shifted_descriptors(xyz: Array, settings: ScanContextSettings = DEFAULT) -> Array:
+    """Compute the descriptors (L, rings, sectors) of points (N, 3), as seen by each of the virtual sensors."""
+    return _descriptors(xyz, settings.lateral_shifts, settings)
 
 
 def _descriptors(xyz: Array, lateral_shifts: Sequence[float], settings: ScanContextSettings) -> Array:

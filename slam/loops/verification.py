@@ -14,15 +14,14 @@ import numpy as np
 
 from slam.data import se3
 from slam.data.cloud import Array
-from slam.loops.submap import submap
+from slam.loops.submap import IDENTITY, Level, Submap, Submaps, ones
 from slam.mapping.keyframes import Keyframe
-from slam.registration.ndt import NdtTarget
 from slam.registration.result import RegistrationResult
-from slam.registration.voxels import VoxelFilter, VoxelGaussians
 from slam.settings import VerificationSettings
 
 SUBMAP_SIGMA = np.array([0.001] * 3 + [0.03] * 3)  # rad, m: distortion of submaps by odometry drift, not observable
 UNREGISTERED = np.diag(np.array([np.pi] * 3 + [100.0] * 3) ** 2)  # covariance without a registration
+KEPT_MATCHES, KEPT_QUERIES = 32, 1  # submaps that are kept: half a megabyte each, 2 MB with the finest cells
 MIN_SELF_FIT = 0.05  # lower bound of the share of a submap that fits itself: sparser ones would inflate the ratios
 
 
@@ -44,9 +43,9 @@ class Verification:
 
     T_match_query: Array
     covariance: Array
-    inlier_ratio: float = 0.0
-    overlap: float = 0.0
-    distinctness: float = 0.0
+    inlier_ratio: float = float("nan")
+    overlap: float = float("nan")
+    distinctness: float = float("nan")
     point_sigma: float = float("inf")
     reason: str = "few points"
 
@@ -57,12 +56,15 @@ class Verification:
 
 
 class Verifier:
-    """Registers and verifies loop candidates. Not thread-safe because of its work memory: use one per thread."""
+    """Registers and verifies loop candidates of one run, whose submaps it keeps for the next candidates.
+
+    Not thread-safe because of its work memory: use one per thread.
+    """
 
     def __init__(self, settings: VerificationSettings | None = None) -> None:
         self.settings = settings or VerificationSettings()
-        self._thin = VoxelFilter(self.settings.voxel_size)
-        self._thin_more = VoxelFilter(self.settings.registration_voxel_size)
+        self._matches = Submaps(self.settings, self.settings.match_submap_radius, KEPT_MATCHES)
+        self._queries = Submaps(self.settings, self.settings.query_submap_radius, KEPT_QUERIES)
         yaw = np.deg2rad(self.settings.search_yaw_deg)
         self._turns = [se3.exp(np.array([0, 0, angle, 0, 0, 0])) for angle in (0.0, -yaw, yaw)]
         self._moves = _disc(self.settings.search_radius, self.settings.search_step)
@@ -71,58 +73,57 @@ class Verifier:
         """Verify that two keyframes are at the same place.
 
         Args:
-            keyframes: All keyframes; those in both submaps affect the result.
+            keyframes: All keyframes so far, of the same run in every call; those in both submaps affect the result.
             query: Position of the query keyframe.
             match: Position of the matched keyframe.
             guess: Initial T_match_query (4, 4).
         """
         limits = self.settings
-        there = self._submap(keyframes, match, limits.match_submap_radius)
-        here = self._submap(keyframes, query, limits.query_submap_radius)
+        there, here = self._matches.around(keyframes, match), self._queries.around(keyframes, query)
         if min(len(there), len(here)) < limits.min_points:
             return Verification(guess, UNREGISTERED)
-        place = _target(limits.cell_sizes, there)
-        there_cells, here_cells = place.levels[-1], _target(limits.cell_sizes[-1:], here).levels[0]
-        found, lead = self._register(place, here, guess)
+        start, similar = self._approach(there, here, self._best_start(there, here, guess))
+        if not similar:
+            return Verification(start, UNREGISTERED, reason="low coarse score")
+        found, lead = self._register(there, here, start)
+        there.forget_fine_levels()
+        return self._judged(there, here, found, lead, guess)
 
-        T, T_back, still = found.pose, se3.inverse(found.pose), np.eye(4)
-        seen_here, seen_there = self._in_common(here, T), self._in_common(there, T_back)
-        if min(len(seen_here), len(seen_there)) < limits.min_points:
-            return Verification(T, UNREGISTERED)
-        at_best = max(_fitting(there_cells, seen_there, still), MIN_SELF_FIT)
-        at_best_back = max(_fitting(here_cells, seen_here, still), MIN_SELF_FIT)
-        worst = float(np.linalg.eigvalsh(found.covariance[3:, 3:])[-1])
-        measures = {
-            "inlier_ratio": min(_fitting(there_cells, seen_here, T) / at_best, 1.0),
-            "overlap": min(_fitting(here_cells, seen_there, T_back) / at_best_back, 1.0),
-            "distinctness": lead / at_best,
-            "point_sigma": float(np.sqrt(worst * len(seen_here))),
-        }
-        covariance = found.covariance + np.diag(SUBMAP_SIGMA**2)
-        return Verification(T, covariance, **measures, reason=self._reason(se3.inverse(guess) @ T, **measures))
+    def _best_start(self, there: Submap, here: Submap, guess: Array) -> Array:
+        """The initial pose (4, 4) near the guess with the best score in the coarsest cells."""
+        starts = np.array([_moved(guess @ turn, move) for turn in self._turns for move in self._moves])
+        some = np.ascontiguousarray(here.sparse[::3])
+        return np.asarray(starts[there.level(0).scores(some, starts).argmax()])
 
-    def _submap(self, keyframes: Sequence[Keyframe], centre: int, radius: float) -> Array:
-        """Downsampled submap (N, 3) float32 in the frame of the keyframe at `centre`."""
-        xyz = submap(keyframes, centre, radius, self.settings.max_points)
-        return self._thin(xyz, _ones(xyz))[0]
+    def _approach(self, there: Submap, here: Submap, pose: Array) -> tuple[Array, bool]:
+        """Register in the coarser cells, from coarse to fine, as long as the submaps are similar there.
 
-    def _register(self, place: NdtTarget, here: Array, guess: Array) -> tuple[RegistrationResult, float]:
-        """Register from the initial pose near the guess with the best score; repeat if a displaced pose fits better.
+        Returns:
+            The pose (4, 4), and whether the submaps are similar in all of these cells.
+        """
+        for number in range(there.levels - 1):
+            level = there.level(number)
+            pose = level.target.approach(here.sparse, ones(here.sparse), pose)
+            if level.similarity(here.sparse, pose) < self.settings.min_coarse_score:
+                return pose, False
+        return pose, True
+
+    def _register(self, there: Submap, here: Submap, start: Array) -> tuple[RegistrationResult, float]:
+        """Register in the finest cells; repeat in all cells if a displaced pose fits better.
 
         Also returns the decrease of the inlier ratio at the best displaced pose.
         """
-        xyz = self._thin_more(here, _ones(here))[0]
-        some = np.ascontiguousarray(xyz[::3])
-        starts = [_moved(guess @ turn, move) for turn in self._turns for move in self._moves]
-        best = max(starts, key=lambda pose: place.score(some, _ones(some), pose))
-        found = place.align(xyz, _ones(xyz), best)
-        lead, rival = self._compared(place.levels[-1], here, found)
+        finest = there.level(-1)
+        found = finest.target.align(here.sparse, ones(here.sparse), start)
+        lead, rival = self._compared(finest, here, found)
         if lead < 0:
-            found = place.align(xyz, _ones(xyz), rival)
-            lead, _ = self._compared(place.levels[-1], here, found)
+            for number in range(there.levels - 1):
+                rival = there.level(number).target.approach(here.sparse, ones(here.sparse), rival)
+            found = finest.target.align(here.sparse, ones(here.sparse), rival)
+            lead, _ = self._compared(finest, here, found)
         return found, lead
 
-    def _compared(self, cells: VoxelGaussians, here: Array, found: RegistrationResult) -> tuple[float, Array]:
+    def _compared(self, finest: Level, here: Submap, found: RegistrationResult) -> tuple[float, Array]:
         """Decrease of the inlier ratio at the best of 16 displaced poses, and that pose.
 
         The first displacement is along the direction that the registration constrains least: the axis of a tunnel.
@@ -132,16 +133,36 @@ class Verifier:
         weakest = np.linalg.eigh((R @ found.H[3:, 3:] @ R.T)[:2, :2])[1][:, 0]
         headings = np.arctan2(weakest[1], weakest[0]) + np.arange(16) * np.pi / 8
         moves = self.settings.distinctness_radius * np.column_stack([np.cos(headings), np.sin(headings)])
-        aside = [_moved(found.pose, move) for move in moves]
-        fits = [_fitting(cells, some, pose) for pose in aside]
-        best = int(np.argmax(fits))
-        return _fitting(cells, some, found.pose) - fits[best], aside[best]
+        poses = np.array([found.pose, *(_moved(found.pose, move) for move in moves)])
+        fits = finest.inlier_ratios(some, poses)
+        best = 1 + int(fits[1:].argmax())
+        return float(fits[0] - fits[best]), poses[best]
 
-    def _in_common(self, xyz: Array, T: Array) -> Array:
+    def _judged(
+        self, there: Submap, here: Submap, found: RegistrationResult, lead: float, guess: Array
+    ) -> Verification:
+        """Measure how well the submaps fit each other at the registered pose, and decide."""
+        T, T_back = found.pose, se3.inverse(found.pose)
+        seen_here, seen_there = self._in_common(here, T), self._in_common(there, T_back)
+        if min(len(seen_here), len(seen_there)) < self.settings.min_points:
+            return Verification(T, UNREGISTERED)
+        cells, cells_back = there.level(-1), here.level(-1)
+        at_best = max(_fitting(cells, seen_there, IDENTITY), MIN_SELF_FIT)
+        at_best_back = max(_fitting(cells_back, seen_here, IDENTITY), MIN_SELF_FIT)
+        worst = float(np.linalg.eigvalsh(found.covariance[3:, 3:])[-1])
+        measures = {
+            "inlier_ratio": min(_fitting(cells, seen_here, T) / at_best, 1.0),
+            "overlap": min(_fitting(cells_back, seen_there, T_back) / at_best_back, 1.0),
+            "distinctness": lead / at_best,
+            "point_sigma": float(np.sqrt(worst * len(seen_here))),
+        }
+        covariance = found.covariance + np.diag(SUBMAP_SIGMA**2)
+        return Verification(T, covariance, **measures, reason=self._reason(se3.inverse(guess) @ T, **measures))
+
+    def _in_common(self, submap: Submap, T: Array) -> Array:
         """Points (N, 3) within common range of their own sensor and, transformed by `T` (4, 4), of the other."""
-        moved = xyz @ T[:3, :3].T.astype(np.float32) + T[:3, 3].astype(np.float32)
-        near = np.maximum((xyz**2).sum(axis=1), (moved**2).sum(axis=1)) < self.settings.common_range**2
-        return np.asarray(xyz[near])
+        moved = submap.near @ T[:3, :3].T.astype(np.float32) + T[:3, 3].astype(np.float32)
+        return np.asarray(submap.near[(moved**2).sum(axis=1) < self.settings.common_range**2])
 
     def _reason(
         self, correction: Array, inlier_ratio: float, overlap: float, distinctness: float, point_sigma: float
@@ -173,17 +194,6 @@ def _moved(pose: Array, move: Array) -> Array:
     return result
 
 
-def _ones(xyz: Array) -> Array:
-    return np.ones(len(xyz), np.float32)
-
-
-def _target(cell_sizes: Sequence[float], xyz: Array) -> NdtTarget:
-    target = NdtTarget(cell_sizes)
-    target.insert(xyz, _ones(xyz), np.eye(4))
-    return target
-
-
-def _fitting(cells: VoxelGaussians, xyz: Array, pose: Array) -> float:
+def _fitting(level: Level, xyz: Array, pose: Array) -> float:
     """Share of the points (N, 3), transformed by `pose` (4, 4), that fit the Gaussian of their cell."""
-    _, _, totals = cells.normal_equations(xyz, _ones(xyz), pose, 1, 1.0)
-    return float(totals[2] / max(totals[5], 1.0))
+    return float(level.inlier_ratios(xyz, pose[None])[0])

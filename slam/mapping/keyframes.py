@@ -17,7 +17,7 @@ from slam.mapping.visibility import SPHERE_COLUMNS, SPHERE_ROWS, RangeImage
 from slam.mapping.voxel_averages import VoxelAverages
 from slam.settings import KeyframeSettings
 
-RECENT = 32  # unpacked keyframes in the cache, for the submaps of a query and its candidates; 3 MB each
+RECENT = 20  # unpacked keyframes in the cache, for the submaps of a query and of one candidate; 3 MB each
 COORDINATE_STEP = 0.003  # m: resolution of coordinates stored in 16 bits, which cover 98 m; the range noise is 20 mm
 
 

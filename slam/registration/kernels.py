@@ -13,6 +13,7 @@ from numba import njit
 
 EMPTY = np.int64(-1)
 INLIER_THRESHOLD = 7.815  # 95 % quantile of chi^2 with 3 degrees of freedom
+NEGLIGIBLE = 50.0  # squared Mahalanobis distance from which a point adds nothing to eq. 5: exp(-25) is 1e-11
 _BITS = 21  # of a cell index along one axis: +-1,048,576 cells, 1000 km of 1 m cells
 _MASK = (1 << _BITS) - 1
 
@@ -501,6 +502,43 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussia
         for j in range(k):
             H[k, j] = H[j, k]
     return H, g, totals
+
+
+@njit(cache=True, nogil=True)
+def fits(xyz, poses, size, table, gaussians):
+    """Compute how well points fit the Gaussians of their cells at each of several poses.
+
+    Args:
+        xyz: Points (N, 3).
+        poses: Poses (P, 4, 4) of the points in the map.
+        size: Size of the cells [m].
+        table: Hash table of the cells.
+        gaussians: Gaussians of the cells.
+
+    Returns:
+        The paper's eq. 5, and the number of points with an m below the 95 % quantile of chi^2(3), (P, 2); both as sums
+        over the points in their own cells.
+    """
+    sums = np.zeros((len(poses), 2))
+    inverse_size = 1.0 / size
+    for p in range(len(poses)):
+        pose = poses[p]
+        score, inliers = 0.0, 0
+        for i in range(len(xyz)):
+            x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
+            x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
+            slot = _find(table, _key(x, y, z, inverse_size))
+            if table[slot, 0] == EMPTY:
+                continue
+            S = gaussians[table[slot, 1]]
+            if not _has_information(S):
+                continue
+            m = _mahalanobis(S, x, y, z)
+            if m < NEGLIGIBLE:
+                score += math.exp(-0.5 * m)
+                inliers += m < INLIER_THRESHOLD
+        sums[p, 0], sums[p, 1] = score, inliers
+    return sums
 
 
 @njit(cache=True, nogil=True)

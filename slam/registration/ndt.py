@@ -126,6 +126,19 @@ class NdtTarget:
         direct = self._descend(self.levels, xyz, weight, guess, locked)
         return max(found, direct, key=lambda registration: score(registration.pose))
 
+    def approach(self, xyz: Array, weight: Array, guess: Array) -> Array:
+        """Return the pose (4, 4) at which `align` arrives, without its uncertainty: a step of a coarse to fine search.
+
+        Args:
+            xyz: Points (N, 3).
+            weight: Their weights (N,).
+            guess: Initial pose (4, 4).
+        """
+        pose = guess
+        for level in self.levels:
+            pose, _ = minimise(partial(self._linearise, level, xyz, weight), pose, self.max_iterations)
+        return pose
+
     def _descend(
         self, levels: list[VoxelGaussians], xyz: Array, weight: Array, guess: Array, locked: Array
     ) -> RegistrationResult:

@@ -86,6 +86,13 @@ class VoxelGaussians:
             self._table, self._sums, self._gaussians, self._cell_keys, self._count,
         )  # fmt: skip
 
+    def compact(self) -> None:
+        """Reduce the memory to that of the cells, for maps that are kept; `insert` is not possible afterwards."""
+        self._gaussians, self._sums = self._gaussians[: self._count].copy(), np.zeros((0, 11))
+        self._table = hash_table(self._count)
+        kernels.rehash(self._cell_keys, self._count, self._table)
+        self._cell_keys = np.zeros(0, np.int64)
+
     def evict(self, centre: Array, radius: float) -> None:
         """Remove the cells further than `radius` [m] from `centre` (3,)."""
         self._count = kernels.evict(
@@ -113,6 +120,10 @@ class VoxelGaussians:
         return kernels.normal_equations(
             xyz, weight, pose, self.size, neighbours, kernel, self._table, self._gaussians, scores
         )
+
+    def fits(self, xyz: Array, poses: Array) -> Array:
+        """Return score and number of inliers (P, 2) of points (N, 3) at poses (P, 4, 4), see `kernels.fits`."""
+        return kernels.fits(xyz, poses, self.size, self._table, self._gaussians)
 
     def overlap(self, xyz: Array, weight: Array, pose: Array) -> float:
         """Return the share of the points that meet a Gaussian, see `kernels.overlap`."""

@@ -169,6 +169,19 @@ def test_a_loop_with_half_a_turn_is_closed() -> None:
     assert _rms(back_end.poses(), truth) < 0.3 * _rms(odometry_poses(odometry, np.eye(4)), truth)
 
 
+def test_a_gap_in_precise_odometry_is_bridged_by_a_loop() -> None:
+    """The edge of the gap says nothing: beside the others, Cholesky's method finds the equations indeterminate."""
+    precise = np.diag(np.repeat([1e-4**2, 1e-3**2], 3))
+    unknown = np.diag(np.repeat([np.pi**2, 300.0**2], 3))
+    truth, _ = _circle()
+    edges = [Edge(k, k + 1, se3.normalized(STEP), precise) for k in range(2 * LAP - 1)]
+    edges[LAP] = Edge(LAP, LAP + 1, se3.exp(np.array([0, 0, 1.0, 20.0, -10.0, 0])), unknown)
+    back_end = _fed(edges, [Edge(i, i + LAP, np.eye(4), precise) for i in (20, 30)])
+    np.testing.assert_allclose(back_end.poses()[:LAP], truth[:LAP], atol=0.01)
+    back_end.settle()
+    np.testing.assert_allclose(back_end.poses(), truth, atol=0.01)
+
+
 def test_the_covariance_grows_with_distance_and_a_loop_reduces_it() -> None:
     truth, odometry = _circle(LAP + 1)
     chain = odometry_poses(odometry, np.eye(4))

@@ -84,7 +84,7 @@ def test_descriptor_of_a_literal_cloud() -> None:
     expected[1, 2] = -0.5 + 2
     # below the ground, beyond the range, not finite: empty
     np.testing.assert_allclose(descriptor(np.array(xyz, np.float32), SMALL), expected, rtol=1e-6)
-    np.testing.assert_allclose(ring_key(expected), [5 / 4, 1.5 / 4, 0])
+    np.testing.assert_allclose(ring_key(expected)[:3], [5 / 4, 1.5 / 4, 0])
 
 
 @settings(max_examples=50, deadline=None)  # the first example may compile
@@ -109,6 +109,21 @@ def test_a_yaw_rotation_shifts_the_columns_and_is_recovered(seed: int, sectors: 
     assert unlike == pytest.approx(0, abs=1e-6)
     assert np.cos(yaw - sectors * sector) == pytest.approx(1)
     np.testing.assert_allclose(ring_key(before), ring_key(after), rtol=1e-5)
+
+
+def test_a_ring_key_tells_a_wall_on_one_side_from_the_same_heights_all_around() -> None:
+    one_side, around = np.zeros((2, 1, 12), np.float32)
+    one_side[0, :6], around[0] = 4.0, 2.0
+    key, other = ring_key(one_side), ring_key(around)
+    assert key.shape == (5,)
+    np.testing.assert_allclose((key[0], other[0]), 2.0, rtol=1e-6)  # the mean heights
+    # of the square wave, sampled 12 times: 2/12 |sum of 4 exp(-2 pi i k / 12)| = 8/12 / sin(pi / 12)
+    assert key[1] == pytest.approx(8 / 12 / np.sin(np.pi / 12), rel=1e-5)
+    np.testing.assert_allclose(other[1:], 0, atol=1e-6)
+
+
+def test_a_grid_of_few_sectors_has_a_ring_key_of_the_same_size() -> None:
+    assert ring_key(np.ones((3, 4), np.float32)).shape == (15,)
 
 
 def naive_distance(a: Array, b: Array) -> float:
@@ -177,7 +192,7 @@ def test_candidates_are_sorted_and_unique() -> None:
 
 def test_equal_places_keep_the_order_of_insertion() -> None:
     places = ScanContext()
-    for i in range(130):  # standing still: the tree is rebuilt in between
+    for i in range(130):  # standing still
         places.add(random_cloud(5), float(i))
     found = places.query(random_cloud(5), 1000.0, exhaustive=True)
     assert [candidate.index for candidate in found] == list(range(130))
@@ -198,11 +213,11 @@ def test_preselection_of_all_equals_the_exhaustive_search(count: int) -> None:
         assert found == pytest.approx(all_of_them, abs=1e-5)
 
 
-def test_preselection_takes_the_nearest_ring_keys_wherever_the_tree_ends() -> None:
+def test_preselection_takes_the_nearest_ring_keys_of_all_that_are_old_enough() -> None:
     places = random_places(180, ScanContextSettings(lateral_shifts=(0.0,), max_preselected=20))
     query = random_cloud(777)
     keys = np.array([ring_key(descriptor(random_cloud(i))) for i in range(180)])
-    for end in (20, 90, 130, 180):  # the tree is rebuilt in between
+    for end in (20, 90, 130, 180):
         unlike = np.linalg.norm(keys[:end] - ring_key(descriptor(query)), axis=1)
         found = places.query(query, 10.0 * (end - 1) + 100.0)
         assert len({candidate.index for candidate in found}) == 20

@@ -16,7 +16,7 @@ from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.data.dataset import open_dataset
 from slam.data.pose_files import read_poses
-from slam.loops.submap import submap
+from slam.loops.submap import Submaps, submap
 from slam.loops.verification import Verifier
 from slam.mapping.keyframes import Keyframe
 from slam.mapping.visibility import RangeImage
@@ -120,7 +120,7 @@ def test_a_true_loop_is_accepted_from_a_poor_guess(heading: float, turn: float, 
 def test_a_similar_street_is_rejected(seed: int) -> None:
     found = Verifier(SHORT).verify(passes(street(0), street(seed), at(0)), 6, 2, at(0))
     assert not found.accepted
-    assert found.reason in ("few inliers", "low overlap", "ambiguous", "degenerate")
+    assert found.reason in ("low coarse score", "few inliers", "low overlap", "ambiguous", "degenerate")
 
 
 def test_a_tunnel_is_rejected() -> None:
@@ -177,6 +177,37 @@ def test_verification_is_deterministic() -> None:
         np.testing.assert_array_equal(first.T_match_query, other.T_match_query)
         np.testing.assert_array_equal(first.covariance, other.covariance)
         assert (first.inlier_ratio, first.overlap) == (other.inlier_ratio, other.overlap)
+
+
+def test_a_different_place_is_rejected_before_it_is_registered_in_fine_cells() -> None:
+    strict = SHORT.model_copy(update={"min_coarse_score": 0.95})
+    found = Verifier(strict).verify(passes(street(0), street(1), at(0)), 6, 2, at(0))
+    assert found.reason == "low coarse score"
+    assert np.isnan([found.inlier_ratio, found.overlap, found.distinctness]).all()
+
+
+def test_kept_submaps_give_the_same_result() -> None:
+    keyframes = passes(street(0), street(0), at(1))
+    keyframes.append(replace(keyframes[-1], index=7, pose=keyframes[-1].pose @ at(9.0), travelled=310.0))
+    verifier = Verifier(SHORT)
+    first, again = (verifier.verify(keyframes, 6, 2, at(0)) for _ in range(2))
+    assert first.accepted
+    np.testing.assert_array_equal(first.T_match_query, again.T_match_query)
+    assert (first.inlier_ratio, first.overlap) == (again.inlier_ratio, again.overlap)
+
+
+def test_a_submap_is_kept_only_when_no_later_keyframe_can_join_it() -> None:
+    point = PointCloud(np.array([[1.0, 0, 0]]), np.zeros(1))
+    view = RangeImage(0, np.zeros((0, 0), np.uint16))
+    keyframes = [Keyframe(k, at(2.0 * k), 2.0 * k, point, view) for k in range(6)]
+    submaps = Submaps(VerificationSettings(), radius=2.5, kept=1)
+    assert len(submaps.around(keyframes[:4], 2)) == 3  # keyframes 1 to 3; 4 is missing, at 4 m of 6.5
+    assert len(submaps.around(keyframes[:3], 2)) == 2
+    complete = submaps.around(keyframes, 2)
+    assert len(complete) == 3
+    assert submaps.around(keyframes, 2) is complete
+    submaps.around(keyframes, 1)
+    assert submaps.around(keyframes, 2) is not complete  # only one is kept
 
 
 def test_a_submap_covers_its_radius() -> None:

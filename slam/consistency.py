@@ -1,0 +1,84 @@
+"""Whether a scan can show the scene of the last one: damaged scans register too, at some wrong pose.
+
+Mirrored or swapped axes keep ground and walls, of which many fit anywhere; but other surfaces then stand where the last
+scan looked through. Random bytes lie at other ranges.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slam.data import se3
+from slam.data.cloud import Array
+
+MAX_CONFLICTS = 0.02  # share of points in space that the other scan looked through; sound: 0.000 to 0.015, by traffic
+MAX_RANGE_CHANGE = 0.7  # total variation distance of the ranges' histograms; sound: up to 0.1, random bytes: 0.85
+SAMPLE = 8000  # points of a scan that are compared
+RANGES = np.array([0.0, 2.0, 5.0, 8.0, 12.0, 18.0, 25.0, 35.0, 50.0, 80.0, np.inf])  # m
+CELL = 2.0  # deg, of a view: as far apart as the rings of a sparse LiDAR
+NEAREST = 3.0  # m; nearer points are the vehicle itself
+MARGIN = 0.1, 0.5  # of the range, and m: how much nearer than all that was seen in the cells around is in free space
+
+
+class LastScan:
+    """The last registered scan, with which the next one must be consistent."""
+
+    def __init__(self) -> None:
+        self._xyz, self._pose = np.zeros((0, 3), np.float32), np.eye(4)
+
+    def keep(self, xyz: Array, pose: Array) -> None:
+        """Keep a scan: points (N, 3) in the sensor's frame, and its pose (4, 4)."""
+        self._xyz, self._pose = _sample(xyz), pose
+
+    def resembles(self, xyz: Array) -> bool:
+        """Check whether the points (N, 3) of a scan lie at ranges as those of the last one do."""
+        some = _sample(xyz)
+        return min(len(some), len(self._xyz)) == 0 or range_change(self._xyz, some) <= MAX_RANGE_CHANGE
+
+    def contradicts(self, xyz: Array, pose: Array) -> bool:
+        """Check whether a scan, points (N, 3) with their pose (4, 4), shows surfaces where the last one saw none."""
+        some, T_before_now = _sample(xyz), se3.inverse(self._pose) @ pose
+        if min(len(some), len(self._xyz)) == 0:
+            return False
+        seen = conflicts(self._xyz, some, T_before_now), conflicts(some, self._xyz, se3.inverse(T_before_now))
+        return max(seen) > MAX_CONFLICTS
+
+
+def range_change(xyz: Array, other: Array) -> float:
+    """Return the total variation distance, 0 to 1, of the ranges of points (N, 3) and of others (M, 3)."""
+    shares = [np.histogram(np.linalg.norm(points, axis=1), RANGES)[0] / len(points) for points in (xyz, other)]
+    return float(np.abs(shares[0] - shares[1]).sum()) / 2
+
+
+def conflicts(viewed: Array, xyz: Array, T_view_points: Array) -> float:
+    """Return the share of points that lie in space that another scan looked through.
+
+    Args:
+        viewed: Points (N, 3) of that scan.
+        xyz: Points (M, 3); those in directions without points of the other scan do not count.
+        T_view_points: (4, 4).
+    """
+    shape = int(360 / CELL), int(180 / CELL) + 1
+    nearest = np.full(shape, np.inf)
+    np.minimum.at(nearest, _cells(viewed), np.linalg.norm(viewed, axis=1))
+    around = nearest.copy()
+    for across in (-1, 0, 1):
+        for up in (-1, 0, 1):
+            around = np.minimum(around, np.roll(nearest, (across, up), (0, 1)))
+    moved = xyz @ T_view_points[:3, :3].T + T_view_points[:3, 3]
+    distance, cells = np.linalg.norm(moved, axis=1), _cells(moved)
+    counted = np.isfinite(nearest[cells]) & (distance > NEAREST)
+    free = distance < (1 - MARGIN[0]) * around[cells] - MARGIN[1]
+    return float(free[counted].mean()) if counted.any() else 0.0
+
+
+def _cells(xyz: Array) -> tuple[Array, Array]:
+    """Indices of the cells of a view, by azimuth and elevation, of points (N, 3)."""
+    azimuth = np.rad2deg(np.arctan2(xyz[:, 1], xyz[:, 0])) % 360
+    elevation = np.rad2deg(np.arctan2(xyz[:, 2], np.linalg.norm(xyz[:, :2], axis=1))) + 90
+    return (azimuth / CELL).astype(int) % int(360 / CELL), (elevation / CELL).astype(int)
+
+
+def _sample(xyz: Array) -> Array:
+    """Some of the points, evenly."""
+    return xyz[:: max(1, len(xyz) // SAMPLE)]
