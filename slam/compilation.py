@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -66,10 +66,11 @@ def compiling_mapping(config: Config) -> Iterator[None]:
     stopped = threading.Event()
 
     def work() -> None:
-        for compile_some in _of_mapping(config):
-            if stopped.is_set():
-                return
-            compile_some()
+        with suppress(Exception):  # a kernel that does not compile is an error where it is needed
+            for compile_some in _of_mapping(config):
+                if stopped.is_set():
+                    return
+                compile_some()
 
     thread = threading.Thread(target=work, name="compilation")
     thread.start()
