@@ -11,7 +11,6 @@ import numpy as np
 from slam.data import se3
 from slam.data.cloud import Array
 
-MAX_CONFLICTS = 0.02  # share of points in space that the other scan looked through; sound: 0.000 to 0.015, by traffic
 MAX_RANGE_CHANGE = 0.7  # total variation distance of the ranges' histograms; sound: up to 0.1, random bytes: 0.85
 SAMPLE = 8000  # points of a scan that are compared
 RANGES = np.array([0.0, 2.0, 5.0, 8.0, 12.0, 18.0, 25.0, 35.0, 50.0, 80.0, np.inf])  # m
@@ -35,13 +34,15 @@ class LastScan:
         some = _sample(xyz)
         return min(len(some), len(self._xyz)) == 0 or range_change(self._xyz, some) <= MAX_RANGE_CHANGE
 
-    def contradicts(self, xyz: Array, pose: Array) -> bool:
-        """Check whether a scan, points (N, 3) with their pose (4, 4), shows surfaces where the last one saw none."""
+    def conflicts(self, xyz: Array, pose: Array) -> float:
+        """Return the share of points in space that the other scan looked through: of this or of the last, the larger.
+
+        Args:
+            xyz: Points (N, 3) in the sensor's frame.
+            pose: Pose (4, 4).
+        """
         some, T_before_now = _sample(xyz), se3.inverse(self._pose) @ pose
-        if min(len(some), len(self._xyz)) == 0:
-            return False
-        seen = conflicts(self._xyz, some, T_before_now), conflicts(some, self._xyz, se3.inverse(T_before_now))
-        return max(seen) > MAX_CONFLICTS
+        return max(conflicts(self._xyz, some, T_before_now), conflicts(some, self._xyz, se3.inverse(T_before_now)))
 
 
 def range_change(xyz: Array, other: Array) -> float:

@@ -15,10 +15,10 @@ from slam.frame_record import records_in
 from slam.graph.back_end import BackEnd
 from slam.journal.journal import SESSION as SESSION_NAME
 from slam.journal.session_file import REMEDY, SessionFile
-from slam.mapper import corrected_poses
 from slam.mapping.global_map import build_map
 from slam.mapping.keyframes import Keyframe, Keyframes
 from slam.mapping_record import add_edges, kept_keyframes
+from slam.mapping_result import corrected_poses
 from slam.segments import segment_starts
 from slam.session import SESSION, UNFINISHED
 from slam.settings import Config

@@ -18,9 +18,10 @@ from slam.data.ground_truth import UNSETTLED, GroundTruth, settled_truth
 from slam.data.point_times import PointTimes
 from slam.data.problem import Problem
 from slam.data.sensor import Sensor
+from slam.gathering import drift_per_metre
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.uncertainty import frame_covariances
-from slam.mapper import LoopProgress, MappingResult, drift_per_metre
+from slam.mapping_result import LoopProgress, MappingResult
 from slam.settings import Config
 
 #: Stages of a frame; "waiting" is the time that the odometry waits for the mapper, which has stages of its own.

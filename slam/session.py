@@ -23,7 +23,7 @@ from slam.data.body_frame import rotations
 from slam.data.cloud import Array
 from slam.data.covariance_file import MEANING, covariance_text
 from slam.data.errors import InputError
-from slam.data.machine import peak_memory
+from slam.data.machine import peak_memory, trim_memory
 from slam.data.point_writer import write_points
 from slam.data.pose_files import kitti_text, tum_text
 from slam.graph.g2o import write_g2o
@@ -222,6 +222,7 @@ def _write_mapping(run: Run, folder: Path) -> None:
     write_g2o(folder / "graph.g2o", mapping.graph)
     if len(mapping.map):
         write_points(folder / "map.pcd", mapping.map)
+        trim_memory()
         map_png(mapping.map, run.poses[:, :3, 3], folder / "map.png")
 
 

@@ -100,7 +100,7 @@ class KeyframeSettings(Settings):
     min_range: float = Field(2.5, ge=0)  # m; nearer points are the vehicle itself
     max_range: float = Field(80.0, gt=0, le=90)  # m; as far as scan context describes
     max_sigma: float = Field(0.2, gt=0)  # m; predicted points with a larger sigma would blur the map
-    memory_mb: float = Field(1000.0, ge=0)  # for clouds: about 1100 keyframes at 64 channels; older ones go to disk
+    memory_mb: float = Field(150.0, ge=0)  # for clouds: about 130 keyframes at 64 channels; older ones go to disk
 
 
 class ScanContextSettings(Settings):
@@ -128,8 +128,8 @@ class VerificationSettings(Settings):
     search_radius: float = Field(4.0, ge=0)  # m around the guess: descriptors tell the heading, the position roughly
     search_step: float = Field(2.0, gt=0)  # m, half of a coarse cell
     search_yaw_deg: float = Field(5.0, ge=0)  # yaw angles tried: that of the guess, and this much to both sides
-    # of the score in coarse cells, relative to that of the match's own points: rejects 19 of 20 false candidates early
-    min_coarse_score: float = Field(0.4, ge=0, le=1)  # true loops 0.55 to 1, false ones 0.15 to 0.6
+    # of the score in the coarsest cells, relative to that of the match's own points: most false candidates end there
+    min_coarse_score: float = Field(0.4, ge=0, le=1)  # true loops 0.45 to 1, false ones 0.1 to 0.6: not enough alone
     common_range: float = Field(30.0, gt=0)  # m from both sensors: points that both should have seen
     min_points: int = Field(200, ge=1)  # within common_range; fewer are no evidence
     min_inlier_ratio: float = Field(0.5, ge=0, le=1)  # true loops 0.6 to 1, false ones up to 0.8: not enough alone

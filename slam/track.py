@@ -36,7 +36,10 @@ MAX_INITIAL_SPEED = 45.0  # m/s, of the first motion: a row of posts fits at any
 DISTINCT = 0.4  # distance between two different motions, relative to the finest cells
 MIN_OVERLAP_RATIO, OVERLAP_WINDOW = 0.8, 10  # of a plausible registration, to the running mean; scans in the mean
 MIN_INLIER_RATIO = 0.8  # of a registration, to the running mean: at another place walls and ground fit by half
-SURE_INLIER_RATIO = 0.9  # the same, above which the points that fit are evidence enough
+MIN_YOUNG_RATIO = 0.7  # the same of the first scans
+SURE_INLIER_RATIO = 0.9  # the same, above which the points that fit are evidence
+MAX_CONFLICTS = 0.02  # share of points in space that another scan looked through; sound: 0.000 to 0.015, by traffic
+MAX_SURE_CONFLICTS = 0.05  # the same if the points fit, but fewer meet the map; sound: up to 0.021, on a motorway
 RELATIVE_VARIANCE_FACTOR = 2  # both poses of a motion have a registration error
 ALL_OBSERVED = np.zeros((0, 3))  # no unobservable directions
 FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m; of a predicted pose
@@ -362,16 +365,21 @@ class Track:
         About as many points must fit as in the last scans. If somewhat fewer fit or meet the map, the last scan itself
         must agree, unless the one before this failed: traffic may be dense.
         """
-        if self.settings.target == "scan" and self._registered < OVERLAP_WINDOW:
+        young = self._registered < OVERLAP_WINDOW
+        if young and self.settings.target == "scan":
             return True  # against a single scan the share of points that fit varies
         fit = found.inlier_ratio / (self._mean_inliers or 1.0)
-        if fit < MIN_INLIER_RATIO:
+        if fit < (MIN_YOUNG_RATIO if young else MIN_INLIER_RATIO):
             return False
         if self._elapsed(stamp) > GAP * self.sweep_duration:
             return True
-        few = fit < SURE_INLIER_RATIO or found.overlap < MIN_OVERLAP_RATIO * self._mean_overlap
-        doubtful = (few or self._registered < 2) and self._failures == 0
-        return self._last.resembles(scan.xyz) and not (doubtful and self._last.contradicts(scan.xyz, found.pose))
+        if not self._last.resembles(scan.xyz):
+            return False
+        few_fit = fit < SURE_INLIER_RATIO or self._registered < 2
+        few_meet = found.overlap < MIN_OVERLAP_RATIO * self._mean_overlap
+        if self._failures or not (few_fit or few_meet):
+            return True
+        return self._last.conflicts(scan.xyz, found.pose) <= (MAX_CONFLICTS if few_fit else MAX_SURE_CONFLICTS)
 
     def _is_valid(self, found: RegistrationResult, lost: Array) -> bool:
         """Whether inlier ratio and covariance are within limits, except along the unobservable directions `lost`."""

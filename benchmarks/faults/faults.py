@@ -4,8 +4,8 @@
 
 `town` is a data set of `lidarlift simulate town --drive loop --spacing 2.5 --sensor vlp16 --seed 1`: a round through a
 town, with loops. A run that was killed or that met a full disk is resumed, until it is finished; then its files must
-have the bytes of a run that was not disturbed. Runs are forked from a process that has compiled all kernels, and write
-a snapshot every 0.3 s instead of every 10, so that many kills meet one. Writes faults.md and .json in
+have the bytes of a run that was not disturbed. Runs are forked from a process that has compiled all kernels, write a
+snapshot every 0.3 s instead of every 10, so that many kills meet one, and no report. Writes faults.md and .json in
 benchmarks/results.
 """
 
@@ -68,9 +68,9 @@ def page(found: Mapping[str, Any]) -> str:
 `{about["command"]}` on {about["date"]}: {about["cpu"]}, {about["cores"]} cores, load {about["load_average"]}.
 
 A round through a simulated town, {kills["frames"]} scans of a VLP-16, {kills["seconds_of_a_run"]} s a run. A snapshot
-is written every {SNAPSHOT_EVERY} s (usually every 10 s). Runs that were killed are resumed, and killed again, until
-they are finished. Then odometry, trajectory, covariances, map, loops, graph and metrics are compared with those of a
-run that was not killed.
+is written every {SNAPSHOT_EVERY} s (usually every 10 s), and no report. Runs that were killed are resumed, and killed
+again, until they are finished. Then odometry, trajectory, covariances, map, loops, graph and metrics are compared with
+those of a run that was not killed.
 
 ## Kills
 

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Self
 
 from slam.data.cloud import Frame, PointCloud
-from slam.mapper import LoopProgress
+from slam.mapping_result import LoopProgress
 from slam.run import FrameRecord, Observer, Run
 
 MAX_WAITING = 8  # frames; the run waits when an observer is this many behind, so that nothing is left out

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from slam.data.cloud import Array, Frame, PointCloud
-from slam.mapper import LoopProgress
+from slam.mapping_result import LoopProgress
 from slam.run import FrameRecord, Observer, Run
 
 PART_POINTS = 250  # of a part of the map: one scan, thinned

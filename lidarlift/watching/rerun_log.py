@@ -15,7 +15,7 @@ from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.errors import InputError
 from slam.data.images import ImageFile
 from slam.data.se3 import from_first
-from slam.mapper import LoopProgress
+from slam.mapping_result import LoopProgress
 from slam.run import FrameRecord, Observer, Run
 
 MAX_POINTS = 15_000  # of a scan, measured and enriched each: half a megabyte per frame

@@ -82,9 +82,13 @@ class Verifier:
         there, here = self._matches.around(keyframes, match), self._queries.around(keyframes, query)
         if min(len(there), len(here)) < limits.min_points:
             return Verification(guess, UNREGISTERED)
-        start, similar = self._approach(there, here, self._best_start(there, here, guess))
-        if not similar:
-            return Verification(start, UNREGISTERED, reason="low coarse score")
+        start = self._best_start(there, here, guess)
+        for number in range(there.levels - 1):
+            level = there.level(number)
+            start = level.target.approach(here.sparse, ones(here.sparse), start)
+            # only in the coarsest cells: a pose that is off may score low in the next ones, and a displaced one high
+            if number == 0 and level.similarity(here.sparse, start) < limits.min_coarse_score:
+                return Verification(start, UNREGISTERED, reason="low coarse score")
         found, lead = self._register(there, here, start)
         there.forget_fine_levels()
         return self._judged(there, here, found, lead, guess)
@@ -94,19 +98,6 @@ class Verifier:
         starts = np.array([_moved(guess @ turn, move) for turn in self._turns for move in self._moves])
         some = np.ascontiguousarray(here.sparse[::3])
         return np.asarray(starts[there.level(0).scores(some, starts).argmax()])
-
-    def _approach(self, there: Submap, here: Submap, pose: Array) -> tuple[Array, bool]:
-        """Register in the coarser cells, from coarse to fine, as long as the submaps are similar there.
-
-        Returns:
-            The pose (4, 4), and whether the submaps are similar in all of these cells.
-        """
-        for number in range(there.levels - 1):
-            level = there.level(number)
-            pose = level.target.approach(here.sparse, ones(here.sparse), pose)
-            if level.similarity(here.sparse, pose) < self.settings.min_coarse_score:
-                return pose, False
-        return pose, True
 
     def _register(self, there: Submap, here: Submap, start: Array) -> tuple[RegistrationResult, float]:
         """Register in the finest cells; repeat in all cells if a displaced pose fits better.

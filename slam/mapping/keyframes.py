@@ -122,11 +122,12 @@ class Keyframes(Sequence[Keyframe]):
 
     def state(self) -> dict[str, Any]:
         """Return the keyframe that is not complete yet, for `restore`."""
-        return {"begun": self._begun, "gathered": self._gathered}
+        return {"begun": self._begun, "gathered": self._gathered.state()}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Continue with a keyframe that was not complete."""
-        self._begun, self._gathered = state["begun"], state["gathered"]
+        self._begun = state["begun"]
+        self._gathered.restore(state["gathered"])
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -162,6 +163,24 @@ class Keyframes(Sequence[Keyframe]):
         motion = se3.inverse(self._begun.pose) @ pose
         moved, turned = np.linalg.norm(motion[:3, 3]), np.rad2deg(se3.angle(motion))
         return bool(moved >= self.settings.distance or turned >= self.settings.angle_deg)
+
+
+class FirstKeyframes(Sequence[Keyframe]):
+    """The first keyframes of a run, as they were before there were more.
+
+    Args:
+        keyframes: All keyframes.
+        count: Number of the first ones.
+    """
+
+    def __init__(self, keyframes: Keyframes, count: int) -> None:
+        self._keyframes, self._positions = keyframes, range(count)
+
+    def __len__(self) -> int:
+        return len(self._positions)
+
+    def __getitem__(self, position: int) -> Keyframe:  # type: ignore[override]  # no slices
+        return self._keyframes[self._positions[position]]
 
 
 def _packed(gathered: VoxelAverages, view: RangeImage) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ MAX_PIXELS = 1600  # along the longer side of the map
 MIN_PIXEL = 0.1  # m per pixel: with finer pixels a map of 0.2 m voxels would have holes
 BACKGROUND = 16
 CELL = 2.0  # m, and at least two pixels: squares that share their nearest trajectory position
+AT_ONCE = 1 << 17  # points that are coloured together: bounds the memory
 LOWEST, HIGHEST = -2.5, 6.0  # m above the sensor's path: limits of the colour scale
 
 
@@ -59,11 +61,19 @@ def _extent(xy: Array) -> Array:
 def _drawn(cloud: PointCloud, trajectory: Array, low: Array, pixel: float, width: int, height: int) -> Array:
     """Image (H, W, 3) uint8, first row at the lowest y."""
     picture = np.full((height * width, 3), BACKGROUND, np.uint8)
-    column, row = ((cloud.xyz[:, :2] - low) / pixel).astype(np.int64).T
-    inside = np.flatnonzero((column >= 0) & (column < width) & (row >= 0) & (row < height))
-    inside = inside[np.argsort(cloud.xyz[inside, 2], kind="stable")]  # the highest point of a pixel is drawn last
-    picture[row[inside] * width + column[inside]] = _colours(cloud, trajectory, pixel)[inside]
+    heights = _Heights(cloud.xyz, trajectory, max(CELL, 2 * pixel))
+    for some in _in_turn(np.argsort(cloud.xyz[:, 2], kind="stable")):  # the highest point of a pixel is drawn last
+        points = cloud.select(some)
+        column, row = ((points.xyz[:, :2] - low) / pixel).astype(np.int64).T
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        colours = _colours(points, heights)
+        picture[row[inside] * width + column[inside]] = colours[inside]
     return _without_holes(picture.reshape(height, width, 3))
+
+
+def _in_turn(order: Array) -> Iterator[Array]:
+    """Parts of an order (N,), each small enough for its colours."""
+    return (order[start : start + AT_ONCE] for start in range(0, len(order), AT_ONCE))
 
 
 def _without_holes(picture: Array) -> Array:
@@ -74,13 +84,12 @@ def _without_holes(picture: Array) -> Array:
     return picture
 
 
-def _colours(cloud: PointCloud, trajectory: Array, pixel: float) -> Array:
+def _colours(cloud: PointCloud, heights: _Heights) -> Array:
     """Colours (N, 3) uint8 of the points."""
     from matplotlib import colormaps
 
     palette: Any = np.array(colormaps["viridis"](np.linspace(0.2, 1.0, 256)))[:, :3]
-    height = _height(cloud.xyz, trajectory, max(CELL, 2 * pixel))
-    share = np.clip((height - LOWEST) / (HIGHEST - LOWEST), 0, 1)
+    share = np.clip((heights(cloud.xyz) - LOWEST) / (HIGHEST - LOWEST), 0, 1)
     light = 0.6 + 0.4 * np.sqrt(np.clip(cloud.intensity, 0, 1))  # intensity makes road markings visible
     colours = (255 * palette[(255 * share).astype(np.int64)] * light[:, None]).astype(np.uint8)
     if cloud.colour is not None:
@@ -89,11 +98,22 @@ def _colours(cloud: PointCloud, trajectory: Array, pixel: float) -> Array:
     return np.asarray(colours)
 
 
-def _height(xyz: Array, trajectory: Array, size: float) -> Array:
-    """Heights (N,) [m] above the nearest trajectory position, which is looked up per square of `size` [m]."""
-    corner = xyz[:, :2].min(axis=0, initial=np.inf) if len(xyz) else np.zeros(2)
-    column, row = ((xyz[:, :2] - corner) / size).astype(np.int64).T
-    rows = row.max(initial=0) + 1
-    middle = np.stack(np.divmod(np.arange((column.max(initial=0) + 1) * rows), rows), axis=1) * size + corner + size / 2
-    _, nearest = cKDTree(trajectory[:, :2]).query(middle)
-    return np.asarray(xyz[:, 2] - trajectory[nearest, 2].astype(np.float32)[column * rows + row])
+class _Heights:
+    """Heights above the nearest trajectory position, which is looked up per square of `size` [m]."""
+
+    def __init__(self, xyz: Array, trajectory: Array, size: float) -> None:
+        self._size, self._trajectory = size, trajectory[:, 2].astype(np.float32)
+        low, high = (xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)) if len(xyz) else (np.zeros(2), np.zeros(2))
+        self._corner = low
+        columns, self._rows = self._squares(high) + 1
+        index = np.arange(columns * self._rows)
+        middle = np.stack(np.divmod(index, self._rows), axis=1) * size + self._corner + size / 2
+        _, self._nearest = cKDTree(trajectory[:, :2]).query(middle)
+
+    def __call__(self, xyz: Array) -> Array:
+        """Heights (N,) [m] of points (N, 3)."""
+        column, row = self._squares(xyz[:, :2]).T
+        return np.asarray(xyz[:, 2] - self._trajectory[self._nearest][column * self._rows + row])
+
+    def _squares(self, xy: Array) -> Array:
+        return ((xy - self._corner) / self._size).astype(np.int64)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from slam.data.cloud import Array, PointCloud
@@ -67,6 +69,16 @@ class VoxelAverages:
         """
         xyz, intensity, colour = kernels.steps(self._sums, self._keys, self._count, self.size, np.float32(step))
         return xyz, intensity, colour if self._coloured else None
+
+    def state(self) -> dict[str, Any]:
+        """Return the voxels, for `restore`."""
+        return {"sums": self._sums[: self._count], "keys": self._keys[: self._count], "clouds": self._clouds}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Continue with the voxels of another one with the same settings."""
+        self._sums, self._keys, self._clouds = state["sums"], state["keys"], state["clouds"]
+        self._count = len(self._keys)
+        self._reserve(max(self._count, CAPACITY))
 
     def _points(self, kept: Array) -> PointCloud:
         """Points of the voxels `kept` (C,) bool."""

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, Calibration, Frame, PointCloud
-from slam.mapper import LoopProgress, Mapper, MappingResult, corrected_poses
+from slam.mapper import Mapper
+from slam.mapping_result import LoopProgress, MappingResult, corrected_poses
 from slam.odometry import OdometryStep
 
 SIDE = 36.0  # metres, of a square block that is driven around

@@ -233,7 +233,7 @@ def test_an_exception_of_the_mapper_is_raised_by_the_next_frame(
     with slam() as it:
         it.add(frames[0])
         it.trajectory()  # waits for the mapper
-        monkeypatch.setattr(it._mapper, "_add", fails)
+        monkeypatch.setattr(it._mapper, "_gather", fails)
         it.add(frames[1])
         with suppress(MemoryError):
             it.trajectory()

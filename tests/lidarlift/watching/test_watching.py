@@ -18,7 +18,7 @@ from lidarlift.watching.progress import MAX_PARTS, Progress
 from lidarlift.watching.server import ProgressServer
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
-from slam.mapper import LoopProgress
+from slam.mapping_result import LoopProgress
 from slam.run import FrameRecord, Observer, Run, Source
 from slam.settings import Config
 

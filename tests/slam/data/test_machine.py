@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 
-from slam.data.machine import peak_memory, usable_cores
+from slam.data.machine import peak_memory, trim_memory, usable_cores
 
 
 def test_peak_memory_is_in_megabytes() -> None:
@@ -22,6 +23,11 @@ def test_peak_memory_is_in_megabytes() -> None:
 def test_peak_memory_is_none_without_the_module_resource(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "resource", None)
     assert peak_memory() is None
+
+
+def test_memory_is_not_trimmed_without_glibc(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ctypes, "CDLL", lambda _: object())
+    trim_memory()
 
 
 def test_runs_can_be_saved_without_the_module_resource() -> None:
