@@ -266,6 +266,8 @@ class Track:
     def _weights(self, scan: PointCloud) -> Array:
         """Weights (N,) float32: 1 for a sigma up to `full_weight_sigma`, less for a larger range error."""
         full = np.float32(self.settings.full_weight_sigma)
+        if not len(scan.sigma) or scan.sigma.max() <= full:  # as of measured points
+            return np.ones(len(scan), np.float32)
         return np.asarray((full / np.maximum(scan.sigma, full)) ** 2)
 
     def _elapsed(self, stamp: float) -> float:

@@ -21,7 +21,7 @@ from benchmarks.common.script import add_results, parser, run_script
 from benchmarks.common.simulated import SCENES, course
 from benchmarks.odometry import inputs
 from benchmarks.odometry.chosen_drives import ChosenDrive, add_drives, chosen_drives
-from benchmarks.odometry.nees import nees, nees_by_axis
+from benchmarks.odometry.nees import nees, nees_by_axis, nees_over_keyframes
 from benchmarks.odometry.observability_page import ELSEWHERE, ENDS, NEAR, NOTHING, OFF, REPEATS, page
 from benchmarks.odometry.own_run import OwnRun, own_run, settings_of
 from benchmarks.odometry.path_errors import along_track_error, directions, errors_ahead
@@ -91,6 +91,7 @@ def figures(run: OwnRun, truth: Array, kinds: Array) -> dict[str, Any]:
         "near": float((angles <= np.deg2rad(NEAR)).mean()) if len(angles) else None,
         "nees": nees(run.poses, run.covariances, truth),
         "nees_by_axis": nees_by_axis(run.poses, run.covariances, truth),
+        "nees_over_keyframes": nees_over_keyframes(run.poses, run.errors, truth),
         "ate_m": ate(run.poses, truth).rmse,
         "along_track_m": along_track_error(run.poses, truth),
         "path_length_m": path_length(run.poses),

@@ -14,6 +14,7 @@ from slam.cell_sizes import choose_sizes
 from slam.config import load_config
 from slam.data.cloud import Array, Frame
 from slam.data.dataset import Dataset
+from slam.graph.drift import MotionErrors, map_errors
 from slam.odometry import OdometryStep
 from slam.settings import OdometrySettings
 from slam.tracking import Tracker
@@ -35,6 +36,11 @@ class OwnRun:
     covariances: Array
     statuses: Array
     unobserved: list[Array]
+
+    @property
+    def errors(self) -> MotionErrors:
+        """Errors of registrations and drift that the covariances stand for."""
+        return map_errors(self.poses, self.covariances, self.unobserved, self.statuses == "failed")
 
     def share(self, status: str, of: Array) -> float | None:
         """Return the share of the frames in a mask (N,) with a status; None for no frames."""

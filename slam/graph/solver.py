@@ -7,6 +7,7 @@ vectors and covariances have the rotation first, as in `pose_graph`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import gtsam
@@ -18,6 +19,8 @@ from slam.graph.pose_graph import Edge, adjoint, reversed_edge
 
 FIRST_SIGMA = 1e-4  # rad, m: prior of the first pose at the identity
 UNCHANGED = 0.01  # rad, m: a smaller correction of a pose is not propagated to the poses behind it, until `settle`
+#: rad², m²: added to the covariances of all edges until the marginals can be computed
+FLOORS = tuple(floor * np.diag([0.01] * 3 + [1.0] * 3) for floor in (0.0, 1e-7, 1e-6, 1e-5, 1e-4))
 TOLERANCE = 1e-9  # relative error: with large covariances, GTSAM's default 1e-5 stops half a metre from the optimum
 
 
@@ -118,19 +121,33 @@ def pose_covariances(edges: Sequence[Edge], poses: Array) -> tuple[Array, Array]
     own, cross = np.zeros((len(poses), 6, 6)), np.zeros((len(poses) - 1, 6, 6))
     if len(poses) < 2:
         return own, cross
-    from_first = [edge if edge.i == 0 else reversed_edge(edge) for edge in edges if 0 in (edge.i, edge.j)]
-    graph = factors(edge for edge in edges if 0 not in (edge.i, edge.j))
-    for edge in from_first:  # a prior of weight 1 / FIRST_SIGMA² would add its own error, growing with the distance
-        measured = gtsam.Pose3(poses[0] @ edge.pose)
-        graph.add(gtsam.PriorFactorPose3(edge.j, measured, gtsam.noiseModel.Gaussian.Covariance(edge.covariance)))
-    values = values_of(poses)
-    values.erase(0)
-    marginals = gtsam.Marginals(graph, values)
+    marginals = _marginals(edges, poses)
     for key in range(1, len(poses)):
         own[key] = marginals.marginalCovariance(key)
     for key in range(1, len(poses) - 1):
         cross[key] = marginals.jointMarginalCovariance([key, key + 1]).at(key, key + 1)
     return own, cross
+
+
+def _marginals(edges: Sequence[Edge], poses: Array) -> Any:
+    """GTSAM's Marginals of poses 1, 2 .. given the first.
+
+    Cholesky's method fails where edges of very different certainty meet; then all are made a little less certain.
+    """
+    for floor in FLOORS:
+        raised = [replace(edge, covariance=edge.covariance + floor) for edge in edges]
+        graph = factors(edge for edge in raised if 0 not in (edge.i, edge.j))
+        from_first = [edge if edge.i == 0 else reversed_edge(edge) for edge in raised if 0 in (edge.i, edge.j)]
+        for edge in from_first:  # a prior of weight 1 / FIRST_SIGMA² would add its own error, growing with the distance
+            measured = gtsam.Pose3(poses[0] @ edge.pose)
+            graph.add(gtsam.PriorFactorPose3(edge.j, measured, gtsam.noiseModel.Gaussian.Covariance(edge.covariance)))
+        values = values_of(poses)
+        values.erase(0)
+        try:
+            return gtsam.Marginals(graph, values)
+        except RuntimeError as error:  # GTSAM's IndeterminateLinearSystemException
+            failure = error
+    raise failure
 
 
 class Incremental:

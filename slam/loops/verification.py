@@ -34,7 +34,8 @@ class Verification:
         covariance: (6, 6) covariance of xi in T_match_query @ exp(xi), xi = (rotation [rad], translation [m]):
             registration noise plus distortion of the submaps; meaningful for accepted candidates.
         inlier_ratio: Share of the query's points in common range that fit the match's submap, relative to the share of
-            the match's own points that do, so that sparse and dense clouds are comparable.
+            the match's own points that do, so that sparse and dense clouds are comparable. NaN, as the next two, for
+            candidates that were rejected before it was measured.
         overlap: The same with query and match exchanged.
         distinctness: Minimum decrease of the inlier ratio when the query is displaced.
         point_sigma: Standard deviation of the position along its worst direction, per point [m].
@@ -90,8 +91,9 @@ class Verifier:
             if number == 0 and level.similarity(here.sparse, start) < limits.min_coarse_score:
                 return Verification(start, UNREGISTERED, reason="low coarse score")
         found, lead = self._register(there, here, start)
+        verification = self._judged(there, here, found, lead, guess)
         there.forget_fine_levels()
-        return self._judged(there, here, found, lead, guess)
+        return verification
 
     def _best_start(self, there: Submap, here: Submap, guess: Array) -> Array:
         """The initial pose (4, 4) near the guess with the best score in the coarsest cells."""

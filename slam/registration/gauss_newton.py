@@ -125,7 +125,9 @@ def _rotation(pose: Array) -> Array:
 
 def _step(model: Linearisation, locked: Array) -> Array:
     """The Gauss-Newton step (6,), without its part along the locked directions."""
-    free = null_space(locked) if len(locked) else np.eye(6)
+    if not len(locked):
+        return -_solve(model.H, model.gradient)
+    free = null_space(locked)
     return np.asarray(-free @ _solve(free.T @ model.H @ free, free.T @ model.gradient))
 
 

@@ -58,6 +58,13 @@ def _find(table, key):
 
 
 @njit(forceinline=True)
+def _lookup(table, key):
+    """Row of the cell with `key`; -1 if there is none."""
+    slot = _find(table, key)
+    return -1 if table[slot, 0] == EMPTY else table[slot, 1]
+
+
+@njit(forceinline=True)
 def _rotated(pose, x, y, z):
     """The vector [x y z] rotated by a pose."""
     return (
@@ -192,7 +199,7 @@ def _information_from_covariance(cell, A, ridge, gaussians):
     gaussians[cell, 8] = (xx * yy - xy * xy) * inverse
 
 
-@njit
+@njit(forceinline=True)
 def _information_from_surface(cell, A, ridge, size, row, pose, gaussians):
     """Set the information along the directions in which a surface is thin: a plane's normal, both sides of an edge.
 
@@ -236,7 +243,7 @@ def _perpendicular(x, y, z, wx, wy, wz):
     return x * inverse, y * inverse, z * inverse
 
 
-@njit
+@njit(forceinline=True)
 def _add_information(cell, x, y, z, variance, ridge, size, gaussians):
     """Add information along a unit vector; none if the points spread over the whole cell."""
     gain = max(0.0, 1.0 - 12.0 * variance / (size * size)) / (variance + ridge)
@@ -248,7 +255,7 @@ def _add_information(cell, x, y, z, variance, ridge, size, gaussians):
     gaussians[cell, 8] += gain * z * z
 
 
-@njit
+@njit(forceinline=True)
 def _update_gaussian(cell, sums, gaussians, regularisation, size, surfaces, pose, A):
     """Compute a cell's mean and information from its sums; `floor` of the trace keeps flat cells invertible."""
     row = sums[cell]
@@ -315,14 +322,11 @@ def insert(
     """
     A = np.empty((3, 3))
     inverse_size = 1.0 / size
-    touched = np.empty(len(xyz), np.int64)
-    touches = 0
+    cells = np.empty(len(xyz), np.int64)
     last_key, cell = EMPTY, 0
-    for i in range(len(xyz)):
-        px, py, pz, w = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), weight[i]
-        x, y, z = _rotated(pose, px, py, pz)
-        x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
-        key = _key(x, y, z, inverse_size)
+    for i in range(len(xyz)):  # a loop of its own, as in `_cells_of`
+        x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
+        key = _key(x + pose[0, 3], y + pose[1, 3], z + pose[2, 3], inverse_size)
         if key != last_key:
             last_key = key
             slot = _find(table, key)
@@ -330,9 +334,20 @@ def insert(
                 _add_cell(key, slot, count, table, sums, gaussians, cell_keys)
                 count += 1
             cell = table[slot, 1]
+        cells[i] = cell
+    touched = np.empty(len(xyz), np.int64)
+    touches = 0
+    last_cell = -1
+    for i in range(len(xyz)):
+        cell = cells[i]
+        if cell != last_cell:
+            last_cell = cell
             if sums[cell, _COUNT] < max_points:
                 touched[touches] = cell
                 touches += 1
+        px, py, pz, w = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), weight[i]
+        x, y, z = _rotated(pose, px, py, pz)
+        x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
         row = sums[cell]
         if row[_COUNT] >= max_points:
             continue
@@ -427,6 +442,30 @@ def _add_point(H, g, u, S, qx, qy, qz, fx, fy, fz):
     g[5] += fz
 
 
+@njit(forceinline=True)
+def _cells_of(xyz, pose, size, neighbours, table):
+    """Rows (N, neighbours) of the cells of points, -1 where there is none.
+
+    In a loop of its own, many of the lookups, which miss the cache, are under way at once.
+    """
+    cells = np.empty((len(xyz), neighbours), np.int64)
+    inverse_size = 1.0 / size
+    for i in range(len(xyz)):
+        x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
+        x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
+        for n in range(neighbours):
+            step = size if n % 2 == 1 else -size
+            axis = (n + 1) // 2
+            key = _key(
+                x + (step if axis == 1 else 0.0),
+                y + (step if axis == 2 else 0.0),
+                z + (step if axis == 3 else 0.0),
+                inverse_size,
+            )
+            cells[i, n] = _lookup(table, key)
+    return cells
+
+
 @njit(cache=True, nogil=True)
 def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussians, scores):
     """Linearise NDT: sum over points of w rho'(m) J^T S^-1 [J | r], with m = r^T S^-1 r and r = T x - mean.
@@ -450,10 +489,11 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussia
         m below the 95 % quantile of chi^2(3); the paper's eq. 5 (weights x exp(-m / 2), best cell); weights of the
         points in a cell with a Gaussian; all weights.
     """
+    cells = _cells_of(xyz, pose, size, neighbours, table)
     H = np.zeros((6, 6))
     g = np.zeros(6)
     totals = np.zeros(6)
-    inverse_size, inverse_kernel = 1.0 / size, 1.0 / (kernel * kernel)
+    inverse_kernel = 1.0 / (kernel * kernel)
     for i in range(len(xyz)):
         px, py, pz, w = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), np.float64(weight[i])
         qx, qy, qz = _rotated(pose, px, py, pz)
@@ -461,20 +501,10 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussia
         best = np.inf
         totals[5] += w
         for n in range(neighbours):
-            step = size if n % 2 == 1 else -size
-            axis = (n + 1) // 2
-            key = _key(
-                x + (step if axis == 1 else 0.0),
-                y + (step if axis == 2 else 0.0),
-                z + (step if axis == 3 else 0.0),
-                inverse_size,
-            )
-            slot = _find(table, key)
-            if table[slot, 0] == EMPTY:
+            cell = cells[i, n]
+            if cell < 0 or not _has_information(gaussians[cell]):
                 continue
-            S = gaussians[table[slot, 1]]
-            if not _has_information(S):
-                continue
+            S = gaussians[cell]
             rx, ry, rz = x - S[0], y - S[1], z - S[2]
             sx = S[3] * rx + S[4] * ry + S[5] * rz
             sy = S[4] * rx + S[6] * ry + S[7] * rz
@@ -565,6 +595,23 @@ def overlap(xyz, weight, pose, size, table, gaussians):
 
 
 @njit(cache=True, nogil=True)
+def reaches_overlap(xyz, weight, pose, size, share, table, gaussians):
+    """Whether the `overlap` is at least `share`. Most of the points need not be looked at where it is large."""
+    met, total = 0.0, 1e-9
+    for i in range(len(xyz)):
+        total += weight[i]
+    inverse_size = 1.0 / size
+    for i in range(len(xyz)):
+        x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
+        cell = _lookup(table, _key(x + pose[0, 3], y + pose[1, 3], z + pose[2, 3], inverse_size))
+        if cell >= 0 and _has_information(gaussians[cell]):
+            met += weight[i]
+            if met / total >= share:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True)
 def support(xyz, weight, pose, size, kernel, axes, table, gaussians):
     """Compute the directions that the surfaces face to which the points are matched.
 
@@ -574,24 +621,25 @@ def support(xyz, weight, pose, size, kernel, axes, table, gaussians):
         pose: Pose (4, 4) of the points in the map.
         size: Size of the cells [m].
         kernel: Scale of the robust weights, which are those of `normal_equations`.
-        axes: Orthonormal directions (3, 3), one per row, in the axes of the map.
+        axes: Unit vectors (K, 3), one per row, in the axes of the map.
         table: Hash table of the cells.
         gaussians: Gaussians of the cells.
 
     Returns:
-        The weighted mean (3, 3) of n n^T over the surface normals n, trace 1, in the axes of the map; and its part (3,)
+        The weighted mean (3, 3) of n n^T over the surface normals n, trace 1, in the axes of the map; and its part (K,)
         along each of the `axes`, without the surfaces that may face this axis by the tilt of their normals only.
     """
-    normals, beyond_tilt = np.zeros((3, 3)), np.zeros(3)
+    normals, beyond_tilt = np.zeros((3, 3)), np.zeros(len(axes))
     total = 1e-12
-    inverse_size, inverse_kernel = 1.0 / size, 1.0 / (kernel * kernel)
+    inverse_kernel = 1.0 / (kernel * kernel)
+    cells = _cells_of(xyz, pose, size, 1, table)
     for i in range(len(xyz)):
         x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
         x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
-        slot = _find(table, _key(x, y, z, inverse_size))
-        if table[slot, 0] == EMPTY or not _has_information(gaussians[table[slot, 1]]):
+        cell = cells[i, 0]
+        if cell < 0 or not _has_information(gaussians[cell]):
             continue
-        S = gaussians[table[slot, 1]]
+        S = gaussians[cell]
         u = weight[i] / (1.0 + _mahalanobis(S, x, y, z) * inverse_kernel)
         total += u
         u /= S[3] + S[6] + S[8]
@@ -601,7 +649,7 @@ def support(xyz, weight, pose, size, kernel, axes, table, gaussians):
         normals[1, 1] += u * S[6]
         normals[1, 2] += u * S[7]
         normals[2, 2] += u * S[8]
-        for k in range(3):
+        for k in range(len(axes)):
             share = _information_along(S, axes[k, 0], axes[k, 1], axes[k, 2])
             if share > TILT_GATE * S[9] * (S[3] + S[6] + S[8]):
                 beyond_tilt[k] += u * share
@@ -723,7 +771,7 @@ def clustered_scatter(xyz, scores, size, table):
     """
     table[:, 0] = EMPTY
     inverse_size = 1.0 / size
-    sums = np.zeros((len(xyz), 6))
+    cells = np.empty(len(xyz), np.int64)
     count = 0
     for i in range(len(xyz)):
         key = _key(xyz[i, 0], xyz[i, 1], xyz[i, 2], inverse_size)
@@ -732,6 +780,9 @@ def clustered_scatter(xyz, scores, size, table):
             table[slot, 0] = key
             table[slot, 1] = count
             count += 1
+        cells[i] = table[slot, 1]
+    sums = np.zeros((count, 6))
+    for i in range(len(xyz)):
         for k in range(6):
-            sums[table[slot, 1], k] += scores[i, k]
-    return sums[:count].T @ sums[:count]
+            sums[cells[i], k] += scores[i, k]
+    return sums.T @ sums

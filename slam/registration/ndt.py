@@ -165,9 +165,8 @@ class NdtTarget:
         """
         if not self.surfaces:
             return self.levels
-        overlaps = [level.overlap(xyz, weight, guess) for level in self.levels]
-        levels = [level for level, overlap in zip(self.levels, overlaps, strict=True) if overlap >= MIN_LEVEL_OVERLAP]
-        if overlaps[0] < MIN_LEVEL_OVERLAP:
+        levels = [level for level in self.levels if level.reaches_overlap(xyz, weight, guess, MIN_LEVEL_OVERLAP)]
+        if self.levels[0] not in levels:
             levels = [self.levels[-1].coarser(factor) for factor in reversed(COARSER_FACTORS)] + levels
         return levels
 

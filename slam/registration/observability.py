@@ -33,8 +33,7 @@ def unobserved(cells: VoxelGaussians, xyz: Array, weight: Array, pose: Array, ke
         Unit vectors (K, 3) in the axes of the map, at most two: a registered scan constrains one direction at least.
     """
     normals, _ = cells.support(xyz, weight, pose, kernel)
-    axes = np.ascontiguousarray(np.linalg.eigh(normals)[1].T)  # rows, the weakest first
+    axes = np.ascontiguousarray(np.linalg.eigh(normals)[1].T[:2])  # rows, the weakest first
     _, shares = cells.support(xyz, weight, pose, kernel, axes)
     known = (np.abs(axes @ before.T) > SAME_DIRECTION).any(axis=1)
-    lost = shares[:2] < np.where(known[:2], REOBSERVED_SHARE, MIN_SHARE)
-    return np.asarray(axes[:2][lost])
+    return np.asarray(axes[shares < np.where(known, REOBSERVED_SHARE, MIN_SHARE)])

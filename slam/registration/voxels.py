@@ -7,7 +7,7 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.registration import kernels
 
-NO_SCORES, IDENTITY = np.zeros((0, 6)), np.eye(3)
+NO_SCORES, NO_AXES = np.zeros((0, 6)), np.zeros((0, 3))
 
 
 def hash_table(entries: int) -> Array:
@@ -129,8 +129,12 @@ class VoxelGaussians:
         """Return the share of the points that meet a Gaussian, see `kernels.overlap`."""
         return kernels.overlap(xyz, weight, pose, self.size, self._table, self._gaussians)
 
+    def reaches_overlap(self, xyz: Array, weight: Array, pose: Array, share: float) -> bool:
+        """Return whether at least a share of the points meets a Gaussian, see `kernels.overlap`."""
+        return kernels.reaches_overlap(xyz, weight, pose, self.size, share, self._table, self._gaussians)
+
     def support(
-        self, xyz: Array, weight: Array, pose: Array, kernel: float, axes: Array = IDENTITY
+        self, xyz: Array, weight: Array, pose: Array, kernel: float, axes: Array = NO_AXES
     ) -> tuple[Array, Array]:
         """Return the directions that the surfaces face, see `kernels.support`."""
         return kernels.support(xyz, weight, pose, self.size, kernel, axes, self._table, self._gaussians)

@@ -12,13 +12,16 @@ from benchmarks.common.page import surroundings
 from benchmarks.common.simulated import course
 from benchmarks.odometry import inputs
 from benchmarks.odometry.measure import Run
-from benchmarks.odometry.nees import nees, nees_by_axis
+from benchmarks.odometry.nees import nees, nees_by_axis, nees_over_keyframes
 from benchmarks.odometry.observability import figures, named_angles, what_holds
 from benchmarks.odometry.observability_page import ELSEWHERE, ENDS, NOTHING, REPEATS, page
 from benchmarks.odometry.own_run import OwnRun, base_sizes, own_run, settings_of
 from benchmarks.odometry.systems import our_odometry
 from slam.data.cloud import Array
 from slam.data.dataset import open_dataset
+from slam.graph.drift import map_errors
+
+NONE, LOST = np.zeros((0, 6)), np.zeros(40, bool)
 
 
 def straight(count: int, step: float = 1.0) -> Array:
@@ -79,12 +82,25 @@ def test_nees_of_each_axis() -> None:
     assert nees(poses, covariances, truth) == pytest.approx(1 / 6)
 
 
+def test_nees_over_keyframes() -> None:
+    """A scale error of 1 %: 20 cm over ten keyframes of 2 m, for which registrations and drift allow some."""
+    truth, poses = straight(40, 2.0), straight(40, 2.02)
+    found = nees_over_keyframes(
+        poses, map_errors(poses, np.tile(2e-4 * np.eye(6), (40, 1, 1)), [NONE] * 40, LOST), truth
+    )
+    assert set(found) == {"1", "10", "poses"}  # there are no 55 keyframes
+    assert found["1"]["x"] == pytest.approx(0.02**2 / (2e-4 + 2.02e-4), rel=0.01)
+    assert found["10"]["x"] == pytest.approx(0.2**2 / (2e-4 + 20.2e-4), rel=0.01)
+    assert found["10"]["y"] == pytest.approx(0)
+
+
 def test_the_page_says_what_was_met() -> None:
     axes = dict.fromkeys(("roll", "pitch", "yaw", "x", "y", "z"), 1.0)
     frames = {"frames": 10, "degenerate": 0.9, "lost": 0.0, "off": 4, "off_untold": 1}
     entry = {
         "reason": None, "frames": 20, "reach_m": 80.0, "named": 9, "angle_deg": 2.0, "near": 1.0, "nees": 1.0,
-        "nees_by_axis": axes | {"x": 4.0}, "ate_m": 0.5, "along_track_m": None, "path_length_m": 9.0,
+        "nees_by_axis": axes | {"x": 4.0}, "nees_over_keyframes": {"1": {"all": 0.2} | axes, "poses": {"all": 2.0}},
+        "ate_m": 0.5, "along_track_m": None, "path_length_m": 9.0,
         "truth_path_length_m": 10.0, "kinds": {NOTHING: frames, ENDS: frames, ELSEWHERE: frames | {"degenerate": 0.0}},
     }  # fmt: skip
     bridge = entry | {"kinds": {REPEATS: frames}}
@@ -97,6 +113,8 @@ def test_the_page_says_what_was_met() -> None:
         "| NEES along an axis, maximum over sequences | 4.00 | <= 3.0 | missed |",
         "| tunnel | full | an end | 10 | 90.0 | 0.0 | 4 | 1 | - |",
         "| tunnel | full | 1.00 | 1.00 | 1.00 | 4.00 | 1.00 | 1.00 | 1.00 | missed: x |",
+        "| tunnel | full | 0.20 | - | - | 2.00 | 1.00 to 1.00 | missed: 1 |",
+        "| NEES of the poses, share within 0.3 to 3 | 1.00 | >= 1 | met |",
     ):
         assert line in told
 

@@ -9,6 +9,7 @@ import pytest
 
 from slam.data import se3
 from slam.data.cloud import Array
+from slam.graph.drift import accumulating
 from slam.graph.pose_graph import Edge, PoseGraph, chained, odometry_poses
 from slam.graph.solver import relative_covariances
 from slam.graph.uncertainty import frame_covariances
@@ -45,7 +46,7 @@ def test_frames_have_the_covariances_of_a_graph_of_all_frames(loops: list[tuple[
     edges = _frame_edges(motions)
     poses = odometry_poses(edges, np.eye(4))
     graph = _keyframe_graph(edges, poses, KEYFRAMES, loops)
-    found = frame_covariances(poses, motions, KEYFRAMES, graph)
+    found = frame_covariances(poses, accumulating(motions), KEYFRAMES, graph)
     closed = [
         Edge(int(KEYFRAMES[edge.i]), int(KEYFRAMES[edge.j]), edge.pose, edge.covariance)
         for edge in graph.edges[len(KEYFRAMES) - 1 :]
@@ -67,7 +68,7 @@ def test_without_keyframes_the_covariances_are_those_of_drawn_motions() -> None:
         for covariance in motions[1:]:
             pose = pose @ STEP @ se3.exp(rng.multivariate_normal(np.zeros(6), covariance))
         ends.append(se3.log(se3.inverse(poses[-1]) @ pose))
-    found = frame_covariances(poses, motions, np.zeros(0, int), PoseGraph(np.zeros((0, 4, 4)), ()))
+    found = frame_covariances(poses, accumulating(motions), np.zeros(0, int), PoseGraph(np.zeros((0, 4, 4)), ()))
     assert np.diag(np.cov(np.array(ends).T)) == pytest.approx(np.diag(found[-1]), rel=0.15)
 
 
@@ -77,8 +78,8 @@ def test_frames_before_the_first_keyframe_are_part_of_every_later_pose() -> None
     edges = _frame_edges(motions)
     poses = odometry_poses(edges, np.eye(4))
     late = KEYFRAMES[2:]
-    whole = frame_covariances(poses, motions, KEYFRAMES, _keyframe_graph(edges, poses, KEYFRAMES, []))
-    found = frame_covariances(poses, motions, late, _keyframe_graph(edges, poses, late, []))
+    whole = frame_covariances(poses, accumulating(motions), KEYFRAMES, _keyframe_graph(edges, poses, KEYFRAMES, []))
+    found = frame_covariances(poses, accumulating(motions), late, _keyframe_graph(edges, poses, late, []))
     assert found == pytest.approx(whole, rel=1e-6, abs=1e-12)
 
 
@@ -87,7 +88,7 @@ def test_a_loop_makes_poses_surer_and_every_covariance_stays_positive() -> None:
     edges = _frame_edges(motions)
     poses = odometry_poses(edges, np.eye(4))
     open_, closed = (
-        frame_covariances(poses, motions, KEYFRAMES, _keyframe_graph(edges, poses, KEYFRAMES, loops))
+        frame_covariances(poses, accumulating(motions), KEYFRAMES, _keyframe_graph(edges, poses, KEYFRAMES, loops))
         for loops in ([], [(0, 6)])
     )
     assert all(np.linalg.eigvalsh(covariance)[0] > 0 for covariance in closed[1:])

@@ -20,6 +20,7 @@ from slam.loops.submap import Submaps, submap
 from slam.loops.verification import Verifier
 from slam.mapping.keyframes import Keyframe
 from slam.mapping.visibility import RangeImage
+from slam.registration.voxels import VoxelGaussians
 from slam.settings import VerificationSettings
 
 Face = tuple[Array, Array, Array]  # corner and two edges
@@ -194,6 +195,19 @@ def test_kept_submaps_give_the_same_result() -> None:
     assert first.accepted
     np.testing.assert_array_equal(first.T_match_query, again.T_match_query)
     assert (first.inlier_ratio, first.overlap) == (again.inlier_ratio, again.overlap)
+
+
+def test_fine_cells_are_computed_once_and_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    built: list[float] = []
+    compact = VoxelGaussians.compact
+    monkeypatch.setattr(VoxelGaussians, "compact", lambda cells: (built.append(cells.size), compact(cells)))
+    keyframes = passes(street(0), street(0), at(1))
+    keyframes.append(replace(keyframes[-1], index=7, pose=keyframes[-1].pose @ at(9.0), travelled=310.0))
+    verifier = Verifier(SHORT)
+    verifier.verify(keyframes, 6, 2, at(0))
+    assert sorted(built) == [1.0, 1.0, 2.0, 4.0]  # those of 1 m of both submaps
+    verifier.verify(keyframes, 6, 2, at(0))
+    assert sorted(built[4:]) == [1.0, 2.0]  # of the match: the coarsest are kept, and the query's
 
 
 def test_a_submap_is_kept_only_when_no_later_keyframe_can_join_it() -> None:
