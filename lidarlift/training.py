@@ -12,10 +12,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from enrichment.methods.registry import LIFT
 from slam.data.errors import InputError
 from slam.data.machine import usable_cores
 
 if TYPE_CHECKING:
+    from enrichment.lift.network import Sizes
     from enrichment.training.image_task import ImageTask
     from enrichment.training.lift_task import LiftTask
     from enrichment.training.loop import Training
@@ -86,16 +88,58 @@ class TrainingOptions:
         return Plan(model, steps, batch=self.batch, seed=self.seed, rate=self.rate, bf16=self.bf16, **own)
 
 
-def lift_task(paths: Sequence[Path], validate: Sequence[Path], own_rings: bool) -> LiftTask:
-    """Return Lift's training task on the sequences in these folders.
+def lift_task(
+    paths: Sequence[Path],
+    validate: Sequence[Path],
+    own_rings: bool = False,
+    teacher: Path | None = None,
+    sizes: Sizes | None = None,
+) -> LiftTask:
+    """Return Lift's training task.
+
+    Args:
+        paths: Folders of the sequences for training.
+        validate: Folders of the sequences for validation.
+        own_rings: Use only the rings of a sparse LiDAR itself.
+        teacher: A .safetensors file of Lift, of any sizes, whose answers are learned too.
+        sizes: Sizes of the network; None: those of the shipped weights.
 
     Raises:
-        InputError: A folder is not a data set, or its sensor model is unknown.
+        InputError: A folder is not a data set, its sensor model is unknown, or a file has no weights of Lift.
     """
+    from enrichment.lift.network import LARGE
+    from enrichment.networks.export import load_lift
     from enrichment.training.lift_task import LiftTask
 
     sequences, held_out = ([_opened(path) for path in some] for some in (paths, validate))
-    return LiftTask(sequences, held_out, own_rings)
+    network = None if teacher is None else load_lift(teacher)
+    name = "" if teacher is None else teacher.name
+    return LiftTask(sequences, held_out, own_rings, sizes or LARGE, network, name)
+
+
+def lift_sizes(options: TrainingOptions, small: bool) -> Sizes:
+    """Return the sizes of Lift: those of the training that is resumed, of the weights it starts from, or as asked for.
+
+    Raises:
+        InputError: The file has no weights of Lift, or not those of the small network that is asked for.
+    """
+    from enrichment.lift.network import LARGE, SMALL, sizes_of
+    from enrichment.networks.export import load_lift
+    from enrichment.training.checkpoint import CHECKPOINT, read_checkpoint
+
+    if options.resume:
+        file = options.out / CHECKPOINT
+        checkpoint = read_checkpoint(file)
+        found = sizes_of(checkpoint.weights) if checkpoint.plan.model == LIFT else LARGE  # `prepare` refuses others
+    elif options.start is not None:
+        file, found = options.start, load_lift(options.start).sizes
+    else:
+        return SMALL if small else LARGE
+    if small and found != SMALL:
+        raise InputError(
+            f"--small: {file} has the weights of a larger network; leave --small out, or use other weights"
+        )
+    return found
 
 
 def depth_task(training: Sequence[Pack], validation: Sequence[Pack], crop: tuple[int, int]) -> ImageTask:

@@ -34,8 +34,8 @@ from slam.tracking import PoseSource, Tracked, Tracker
 class Slam:
     """LiDAR SLAM, one frame after the other.
 
-    Front end and odometry process each frame immediately; keyframes, loop closures and the pose graph follow in a
-    separate thread. Results are deterministic, bit for bit: they depend on the frames, not on the timing.
+    Front end and odometry process each frame immediately; keyframes, loop closures and the pose graph follow in
+    separate threads. Results are deterministic, bit for bit: they depend on the frames, not on the timing.
 
     Use it in a `with` statement, so that an exception stops the thread. One thread at a time adds frames.
 

@@ -123,7 +123,7 @@ def _flying_table(methods: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _time_table(views: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
     lines = [
-        (view, *(number(figure, 0) for part in parts.values() for figure in part)) for view, parts in views.items()
+        (view, *(number(figure, 0) for part in parts.values() for figure in part[:2])) for view, parts in views.items()
     ]
     header = [f"{part}{least}" for part in ("input", "network", "both") for least in ("", ", least")]
     return table(("", *header), lines)

@@ -132,8 +132,8 @@ Target: the 99th percentile of the beginning at most {MAX_WAIT:.0f} ms.
 {table(("sequence", "input", "begins, before", "begins, after", "ends, before", "ends, after", "target"), waits, 2)}
 ## Peak memory of a run [MB]
 
-Of the whole process, with imports, map, picture and report. Target: at most {MAX_PEAK:.0f}, with Lift
-{MAX_PEAK_LIFT:.0f}.
+Of the whole process, with imports, map, picture and report.
+Target: at most {MAX_PEAK:.0f}, with Lift {MAX_PEAK_LIFT:.0f}.
 
 {table(("sequence", "input", "before", "after", "ratio", "target"), memory, 2)}
 ## Time of the stages

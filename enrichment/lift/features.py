@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -66,9 +67,11 @@ def lift_input(scan: SparseScan, grid: RayGrid) -> LiftInput:
     rings[Ring.RANGE] = np.log(np.maximum(rho, 0.1) / 10) * rings[Ring.KNOWN]
     rings[Ring.HEIGHT] = z / 3 * rings[Ring.KNOWN]
     rings[Ring.GAP_ABOVE, 1:], rings[Ring.GAP_BELOW, :-1] = gap[:, None], gap[:, None]
-    if scan.image is not None and scan.calibration is not None:
-        _add_image(scan, grid, beams, rho, rings, rays, candidates)
-    _add_history(scan, beams, rho, z, length, gap, rays, candidates)
+    with ThreadPoolExecutor(1) as other_core:  # history and image have channels of their own
+        history = other_core.submit(_add_history, scan, beams, rho, z, length, gap, rays, candidates)
+        if scan.image is not None and scan.calibration is not None:
+            _add_image(scan, grid, beams, rho, rings, rays, candidates)
+        history.result()
     return LiftInput(rings, upper, rays, candidates, rows)
 
 

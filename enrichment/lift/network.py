@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import torch
@@ -10,13 +11,28 @@ from torch.nn import functional
 
 from enrichment.lift.channels import CANDIDATES, RAYS, RINGS, Candidate, Ray
 
-WIDTHS = 32, 32, 48, 64  # channels at 1, 1/2, 1/4 and 1/8 of the columns
-HIDDEN = 48  # channels of a ray
 ASIDE = 2  # columns to each side of a ray in its convolution
 AROUND = 88  # columns of circular padding: at least the receptive field of the U-Net, and a multiple of 8
 RESIDUAL = 0.05  # maximum correction, share of the range
 NEAR_SEGMENT = 2.0  # initial logit of the candidate SEGMENT
 MIN_SCALE = 0.01  # m
+
+
+class Sizes(NamedTuple):
+    """Sizes of the network, which decide its run time.
+
+    Attributes:
+        widths: Channels at 1, 1/2, 1/4 and 1/8 of the columns. 0 at first: the network has no level of all columns, and
+            two columns share the features of their returns.
+        hidden: Channels of a ray.
+    """
+
+    widths: tuple[int, int, int, int]
+    hidden: int
+
+
+LARGE = Sizes((32, 32, 48, 64), 48)  # as shipped
+SMALL = Sizes((0, 16, 32, 48), 32)  # 0.43 of the run time of LARGE; see docs/lift.md for what it loses
 
 
 class Answer(NamedTuple):
@@ -40,20 +56,26 @@ class Lift(nn.Module):
 
     The range of a ray is a weighted mean of its candidates, times a factor of 1 +- RESIDUAL. The weights depend on the
     surrounding rings, the ray's features and those of the adjacent rays. So the range is near some possible surface.
+
+    Attributes:
+        sizes: Numbers of channels.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, sizes: Sizes = LARGE) -> None:
         super().__init__()
-        full, half, quarter, eighth = WIDTHS
-        self.stem = _Convolution(RINGS, full)
-        self.to_half = nn.Sequential(_Convolution(full, half, stride=2), _Block(half))
+        self.sizes = sizes
+        (full, half, quarter, eighth), hidden = sizes
+        self.stem = _Convolution(RINGS, full) if full else None
+        self.to_half = nn.Sequential(_Convolution(full or RINGS, half, stride=2), _Block(half))
         self.to_quarter = nn.Sequential(_Convolution(half, quarter, stride=2), _Block(quarter), _Block(quarter, 2))
         self.to_eighth = nn.Sequential(_Convolution(quarter, eighth, stride=2), _Block(eighth), _Block(eighth, 2))
-        self.up_quarter, self.up_half, self.up_full = _Up(eighth, quarter), _Up(quarter, half), _Up(half, full)
-        self.from_above, self.from_below = nn.Conv2d(full, HIDDEN, 1, bias=False), nn.Conv2d(full, HIDDEN, 1)
-        self.from_ray = nn.Conv2d(RAYS, HIDDEN, 1, bias=False)
-        self.beside = nn.Conv2d(HIDDEN, HIDDEN, (1, 2 * ASIDE + 1), groups=HIDDEN)
-        self.mix, self.last = nn.Conv2d(HIDDEN, HIDDEN, 1), nn.Conv2d(HIDDEN, CANDIDATES + 3, 1)
+        self.up_quarter, self.up_half = _Up(eighth, quarter), _Up(quarter, half)
+        self.up_full = _Up(half, full) if full else None
+        features = full or half
+        self.from_above, self.from_below = nn.Conv2d(features, hidden, 1, bias=False), nn.Conv2d(features, hidden, 1)
+        self.from_ray = nn.Conv2d(RAYS, hidden, 1, bias=False)
+        self.beside = nn.Conv2d(hidden, hidden, (1, 2 * ASIDE + 1), groups=hidden)
+        self.mix, self.last = nn.Conv2d(hidden, hidden, 1), nn.Conv2d(hidden, CANDIDATES + 3, 1)
         with torch.no_grad():
             self.beside.weight[..., ASIDE] += 1.0
             self.last.weight.mul_(0.1)
@@ -69,19 +91,24 @@ class Lift(nn.Module):
             rays: (B, RAYS, Q, W).
             candidates: (B, CANDIDATES, Q, W).
         """
-        features = self._features(_around(rings, AROUND))[..., AROUND - ASIDE : ASIDE - AROUND]
-        between = self.from_above(features[:, :, :-1]) + self.from_below(features[:, :, 1:])
+        between = self.between(rings)
         x = functional.relu(between.index_select(2, upper) + self.from_ray(_around(rays, ASIDE)))
         x = functional.relu(self.mix(functional.relu(self.beside(x))))
         return self._answer(self.last(x).float(), rays, candidates)
 
-    def _features(self, rings: Tensor) -> Tensor:
-        full = self.stem(rings)
-        half = self.to_half(full)
+    def between(self, rings: Tensor) -> Tensor:
+        """Return what the rings (B, RINGS, K, W) tell about the rays between them, (B, hidden, K - 1, W + 2 ASIDE)."""
+        around = _around(rings, AROUND)
+        full = None if self.stem is None else self.stem(around)
+        half = self.to_half(around if full is None else full)
         quarter = self.to_quarter(half)
-        x = self.up_quarter(self.to_eighth(quarter), quarter)
-        y: Tensor = self.up_full(self.up_half(x, half), full)
-        return y
+        features = self.up_half(self.up_quarter(self.to_eighth(quarter), quarter), half)
+        if self.up_full is not None:
+            features = self.up_full(features, full)
+        cut = (AROUND - ASIDE) * features.shape[-1] // around.shape[-1]
+        features = features[..., cut:-cut]
+        between = self.from_above(features[:, :, :-1]) + self.from_below(features[:, :, 1:])
+        return between if self.up_full is not None else _twice(between)
 
     def _answer(self, out: Tensor, rays: Tensor, candidates: Tensor) -> Answer:
         logits = out[:, :CANDIDATES].masked_fill(candidates <= 0, -1e4)
@@ -128,11 +155,28 @@ class _Up(nn.Module):
         self.block = _Block(channels_out)
 
     def forward(self, x: Tensor, finer: Tensor) -> Tensor:
-        wide = functional.interpolate(x, scale_factor=(1.0, 2.0), mode="nearest")
-        y: Tensor = self.block(functional.relu(self.join(torch.cat([wide, finer], dim=1))))
+        y: Tensor = self.block(functional.relu(self.join(torch.cat([_twice(x), finer], dim=1))))
         return y
+
+
+def _twice(x: Tensor) -> Tensor:
+    """Twice the columns, each repeated."""
+    return functional.interpolate(x, scale_factor=(1.0, 2.0), mode="nearest")
 
 
 def _around(x: Tensor, columns: int) -> Tensor:
     """Circular padding by `columns` on each side."""
     return torch.cat([x[..., -columns:], x, x[..., :columns]], dim=-1)
+
+
+def sizes_of(weights: Mapping[str, Tensor]) -> Sizes:
+    """Return the sizes of the network that has these weights.
+
+    Raises:
+        KeyError: They are not weights of Lift.
+    """
+    half, quarter, eighth = (
+        len(weights[f"to_{level}.0.convolution.weight"]) for level in ("half", "quarter", "eighth")
+    )
+    full = len(weights["stem.convolution.weight"]) if "stem.convolution.weight" in weights else 0
+    return Sizes((full, half, quarter, eighth), len(weights["mix.weight"]))

@@ -13,7 +13,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from enrichment.lift import channels
-from enrichment.lift.network import Lift
+from enrichment.lift.network import Lift, sizes_of
 from enrichment.networks.depth_network import DepthNetwork
 from slam.data.atomic import written_beside
 from slam.data.errors import InputError
@@ -157,6 +157,22 @@ def _write_onnx(
             )  # fmt: skip
     finally:
         network.train(training)
+
+
+def load_lift(path: Path) -> Lift:
+    """Return Lift, of whatever sizes, with the weights of a .safetensors file, in evaluation mode.
+
+    Raises:
+        InputError: They are not weights of Lift.
+    """
+    try:
+        network = Lift(sizes_of(load_file(path)))
+    except (OSError, SafetensorError, KeyError, ValueError, RuntimeError) as error:
+        raise InputError(
+            f"{path}: not the weights of Lift ({' '.join(str(error).split())}); give another file"
+        ) from error
+    load_weights(network, path)
+    return network.eval()
 
 
 def load_weights(network: nn.Module, path: Path) -> None:

@@ -11,8 +11,8 @@ import torch
 from torch import Tensor, nn
 
 from enrichment.lift.channels import Ray
-from enrichment.lift.loss import lift_loss
-from enrichment.lift.network import Lift
+from enrichment.lift.loss import lift_loss, teaching_loss
+from enrichment.lift.network import LARGE, Lift, Sizes
 from enrichment.networks.export import export_lift
 from enrichment.training.checkpoint import Figures
 from enrichment.training.lift_examples import LiftExample, TrainingScans, ValidationScans
@@ -29,12 +29,19 @@ def _as_they_are(examples: list[LiftExample]) -> list[LiftExample]:
     return examples
 
 
-def _loss(network: nn.Module, scans: list[LiftExample]) -> Tensor:
+def _loss(network: nn.Module, teacher: Lift | None, scans: list[LiftExample]) -> Tensor:
     """Loss of scans with the same ring above each row."""
     rings, rays, candidates, truth = (
         torch.cat([getattr(scan, name) for scan in scans]) for name in ("rings", "rays", "candidates", "truth")
     )
-    return lift_loss(network(rings, scans[0].upper, rays, candidates), rays, candidates, truth)
+    given = rings, scans[0].upper, rays, candidates
+    answer = network(*given)
+    loss = lift_loss(answer, rays, candidates, truth)
+    if teacher is None:
+        return loss
+    with torch.no_grad():
+        taught = teacher.to(rings.device)(*given)
+    return loss + teaching_loss(answer, taught, rays, candidates)
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,9 @@ class LiftTask:
         sequences: Sequences for training.
         validation: Sequences for validation.
         own_rings: Use only the rings of a sparse LiDAR itself: some of its rings predict the others.
+        sizes: Sizes of the network.
+        teacher: A trained network, usually a larger one, whose answers the network learns in addition to the returns.
+        teacher_name: Name of its weights, for the model card.
 
     Raises:
         InputError: The sensor model of a sequence is unknown.
@@ -53,6 +63,9 @@ class LiftTask:
     sequences: Sequence[Dataset]
     validation: Sequence[Dataset]
     own_rings: bool = False
+    sizes: Sizes = LARGE
+    teacher: Lift | None = None
+    teacher_name: str = ""
     clip = CLIP
     collate = staticmethod(_as_they_are)
 
@@ -65,6 +78,9 @@ class LiftTask:
     def digest(self) -> str:
         """Digest of the data."""
         digest = hashlib.sha256(repr(self.own_rings).encode())
+        if self.teacher is not None:
+            for values in self.teacher.state_dict().values():
+                digest.update(values.cpu().numpy().tobytes())
         for use, sequences in (("training", self.sequences), ("validation", self.validation)):
             for sequence in sequences:
                 digest.update(repr((use, sequence.name)).encode() + sequence.numbers.tobytes())
@@ -77,7 +93,7 @@ class LiftTask:
 
     def network(self, model: str) -> Lift:
         """Create an untrained network."""
-        return Lift()
+        return Lift(self.sizes)
 
     def training_examples(self, plan: Plan, first: int, count: int) -> TrainingScans:
         """Return `count` training examples from number `first` on."""
@@ -92,7 +108,7 @@ class LiftTask:
         alike: dict[tuple[object, ...], list[LiftExample]] = {}
         for scan in batch:
             alike.setdefault((scan.rays.shape, *scan.upper.tolist()), []).append(scan)
-        losses = [len(scans) * _loss(network, scans) for scans in alike.values()]
+        losses = [len(scans) * _loss(network, self.teacher, scans) for scans in alike.values()]
         return torch.stack(losses).sum() / len(batch)
 
     def errors(self, network: nn.Module, batch: list[LiftExample]) -> tuple[Tensor, Tensor]:
@@ -109,4 +125,6 @@ class LiftTask:
 
     def card(self, plan: Plan, step: int, best: Figures | None, parameters: int, command: str) -> str:
         """Return the model card in Markdown."""
-        return lift_card(plan, step, best, parameters, self.sequences, self.validation, self.own_rings, command)
+        return lift_card(
+            plan, step, best, parameters, self.sequences, self.validation, self.own_rings, command, self.teacher_name
+        )

@@ -58,7 +58,7 @@ lidarlift, {parameters:,} parameters. Input and output: `enrichment.lift.feature
     {command}
 
 Step {step} of {steps}, parts of {batch} scans per step, AdamW, learning rate up to {rate:g}, seed {seed}, {precision}.
-
+{teacher}
 ## Figures
 
 {figures}
@@ -66,6 +66,9 @@ Step {step} of {steps}, parts of {batch} scans per step, AdamW, learning rate up
 ## Licence
 
 {licence}
+"""
+TAUGHT = """
+The loss has the differences from the answers of a teacher in addition: `{teacher}`.
 """
 ALL_RINGS = """\
 The input rings are drawn at random for each example: most often every 4th of 64, with a random first one; so is the
@@ -128,8 +131,12 @@ def lift_card(
     validation: Sequence[Dataset],
     own_rings: bool,
     command: str,
+    teacher: str = "",
 ) -> str:
-    """Format the model card of Lift, as `model_card`; `own_rings`: trained on the rings of a sparse LiDAR only."""
+    """Format the model card of Lift, as `model_card`.
+
+    `own_rings`: trained on the rings of a sparse LiDAR only; `teacher`: name of the weights that taught it, or ''.
+    """
     uses = (("training", sequences), ("validation", validation))
     used = [(sequence, use) for use, some in uses for sequence in some]
     return LIFT.format(
@@ -143,6 +150,7 @@ def lift_card(
         rate=plan.highest_rate,
         seed=plan.seed,
         precision="convolutions in bfloat16" if plan.bf16 else "float32",
+        teacher=TAUGHT.format(teacher=teacher) if teacher else "",
         figures=_figures(best, sum(len(sequence) for sequence in validation), "scans"),
         licence=NON_COMMERCIAL if any(licence_of(sequence) == KITTI for sequence, _ in used) else OTHER,
     )

@@ -52,12 +52,12 @@ class Spill:
             block = self._blocks[number]
             if isinstance(block, bytes):
                 return block
-            if block is None:
-                assert self._stored is not None
-                return self._stored(number)
-            assert self._file is not None
-            self._file.seek(block[0])
-            return self._file.read(block[1])
+            if block is not None:
+                assert self._file is not None
+                self._file.seek(block[0])
+                return self._file.read(block[1])
+        assert self._stored is not None
+        return self._stored(number)  # without the lock: it may wait for the disk, and keyframes are appended meanwhile
 
     def _move_oldest(self) -> None:
         block = self._blocks[self._moved]

@@ -8,10 +8,9 @@ import pytest
 import torch
 
 from enrichment.lift.channels import CANDIDATES, RAYS, RINGS
-from enrichment.lift.network import Lift
 from enrichment.methods.onnx_network import WEIGHTS
 from enrichment.methods.registry import LIFT, NETWORK_METHODS, runnable
-from enrichment.networks.export import load_weights
+from enrichment.networks.export import load_lift, load_weights
 from enrichment.networks.registry import NETWORKS
 
 MOST = 25e6  # bytes, all networks together
@@ -58,8 +57,7 @@ def test_lift_onnx_agrees_with_torch() -> None:
     rays = torch.rand(1, RAYS, 45, 96, generator=generator)
     candidates = 5 + 40 * torch.rand(1, CANDIDATES, 45, 96, generator=generator)
     rings, upper = torch.rand(1, RINGS, 16, 96, generator=generator), torch.arange(45) // 3
-    network = Lift().eval()
-    load_weights(network, WEIGHTS / "lift.safetensors")  # type: ignore[arg-type]
+    network = load_lift(WEIGHTS / "lift.safetensors")  # type: ignore[arg-type]
     with torch.no_grad():
         expected = network(rings, upper, rays, candidates)
     session = onnxruntime.InferenceSession((WEIGHTS / "lift.onnx").read_bytes())

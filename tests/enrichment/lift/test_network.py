@@ -11,14 +11,15 @@ from onnxruntime import InferenceSession
 from torch import Tensor
 
 from enrichment.lift.channels import CANDIDATES, RAYS, RINGS, Candidate, Ray
-from enrichment.lift.loss import lift_loss
-from enrichment.lift.network import RESIDUAL, Lift
-from enrichment.networks.export import export_lift, load_weights
+from enrichment.lift.loss import lift_loss, teaching_loss
+from enrichment.lift.network import LARGE, RESIDUAL, SMALL, Lift, Sizes
+from enrichment.networks.export import export_lift, load_lift
+from slam.data.errors import InputError
 
 
-def made() -> Lift:
+def made(sizes: Sizes = LARGE) -> Lift:
     torch.manual_seed(0)
-    network = Lift().eval()
+    network = Lift(sizes).eval()
     with torch.no_grad():
         for parameter in network.parameters():
             parameter += 0.02 * torch.randn(parameter.shape)
@@ -55,10 +56,11 @@ def test_ranges_are_between_the_candidates() -> None:
     assert (answer.scale[known] > 0).all()
 
 
+@pytest.mark.parametrize("sizes", [SMALL, LARGE])
 @pytest.mark.parametrize("turn", [8, 16, 24])
-def test_predictions_rotate_with_the_lidar(turn: int) -> None:
+def test_predictions_rotate_with_the_lidar(turn: int, sizes: Sizes) -> None:
     rings, upper, rays, candidates = example()
-    network = made()
+    network = made(sizes)
     with torch.no_grad():
         one = network(rings, upper, rays, candidates)
         other = network(rings.roll(turn, -1), upper, rays.roll(turn, -1), candidates.roll(turn, -1))
@@ -67,12 +69,13 @@ def test_predictions_rotate_with_the_lidar(turn: int) -> None:
     torch.testing.assert_close(one.scale[known], other.scale.roll(-turn, -1)[known], rtol=1e-3, atol=1e-3)
 
 
-def test_onnx_agrees_with_torch_for_any_lidar(tmp_path: Path) -> None:
-    network = made()
+@pytest.mark.parametrize("sizes", [SMALL, LARGE])
+def test_onnx_agrees_with_torch_for_any_lidar(sizes: Sizes, tmp_path: Path) -> None:
+    network = made(sizes)
     export_lift(network, tmp_path)
     session = InferenceSession(tmp_path / "lift.onnx")
-    again = Lift().eval()
-    load_weights(again, tmp_path / "lift.safetensors")
+    again = load_lift(tmp_path / "lift.safetensors")
+    assert again.sizes == sizes
     for shape in ((4, 6, 96), (16, 45, 128), (3, 1, 104)):
         given = example(*shape)
         with torch.no_grad():
@@ -105,3 +108,37 @@ def test_without_targets_the_loss_is_zero() -> None:
     rings, upper, rays, candidates = example()
     answer = Lift()(rings, upper, rays, candidates)
     assert lift_loss(answer, rays, candidates, torch.zeros_like(rays[:, Ray.KNOWN])) == 0
+
+
+def test_a_small_network_learns_the_answers_of_a_large_one() -> None:
+    """Without any target: also where the reference has no return."""
+    given = example()
+    teacher = made(LARGE)
+    with torch.no_grad():
+        taught = teacher(*given)
+    least = teaching_loss(taught, taught, *given[2:]).item()
+    network = Lift(SMALL).train()
+    optimizer, losses = torch.optim.Adam(network.parameters(), 3e-3), []
+    for _ in range(30):
+        loss = teaching_loss(network(*given), taught, *given[2:])
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        losses.append(loss.item())
+    assert losses[-1] - least < 0.5 * (losses[0] - least)
+
+
+def test_an_answer_like_the_teachers_costs_least() -> None:
+    given = example()
+    with torch.no_grad():
+        taught, other = made(LARGE)(*given), made(SMALL)(*given)
+    likeness = teaching_loss(taught, taught, *given[2:])
+    assert likeness < teaching_loss(other, taught, *given[2:])
+    entropy = torch.nn.functional.binary_cross_entropy_with_logits(taught.valid, taught.valid.sigmoid())
+    assert 0 < likeness < 2 * entropy  # what is left is the teacher's own doubt whether there is a return
+
+
+def test_other_weights_are_an_error(tmp_path: Path) -> None:
+    torch.save({}, tmp_path / "lift.safetensors")
+    with pytest.raises(InputError, match="not the weights of Lift"):
+        load_lift(tmp_path / "lift.safetensors")

@@ -13,6 +13,11 @@ from safetensors.numpy import load_file
 
 pytest.importorskip("lightning")
 
+import torch
+
+from enrichment.lift.network import LARGE, SMALL, Lift
+from enrichment.networks.export import export_lift, load_lift
+
 Command = Callable[..., Any]
 SHORT = ("--steps", 2, "--crop", "48x64", "--device", "cpu")
 
@@ -82,6 +87,32 @@ def test_lift_is_trained_and_fine_tuned_on_the_rings_of_a_lidar(lidarlift: Comma
     card = Path("own/lift.md").read_text()
     assert "no ground truth was used" in card
     assert "learning rate up to 0.0003" in card
+
+
+def test_lift_learns_from_a_teacher_of_other_sizes(lidarlift: Command, seen: Path) -> None:
+    torch.manual_seed(0)
+    export_lift(Lift(LARGE), Path(), "teacher")
+    command = "train", "lift", seen, "--small", "--teacher", "teacher.safetensors", "--out", "t", "--batch", 1
+    first = lidarlift(*command, "--steps", 1)
+    assert first.code == 0, first.err
+    assert load_lift(Path("t/lift.safetensors")).sizes == SMALL
+    assert "the answers of a teacher in addition: `teacher.safetensors`" in Path("t/lift.md").read_text()
+    without = lidarlift("train", "lift", seen, "--out", "t", "--batch", 1, "--steps", 2, "--resume")
+    assert without.code == 1
+    assert "of a training on other data" in without.err
+    again = lidarlift(*command, "--steps", 2, "--resume")
+    assert again.code == 0, again.err
+
+
+def test_a_training_has_the_sizes_of_the_weights_it_starts_from(lidarlift: Command, seen: Path) -> None:
+    export_lift(Lift(SMALL), Path(), "small")
+    started = "train", "lift", seen, "--out", "t", "--batch", 1
+    assert lidarlift(*started, "--start", "small.safetensors", "--steps", 1).code == 0
+    assert lidarlift(*started, "--resume", "--steps", 2).code == 0
+    assert load_lift(Path("t/lift.safetensors")).sizes == SMALL
+    export_lift(Lift(LARGE), Path(), "large")
+    other = "train", "lift", seen, "--out", "u", "--small", "--start", "large.safetensors"
+    lidarlift(*other).refused("--small: large.safetensors has the weights of a larger network")
 
 
 @pytest.mark.parametrize(
