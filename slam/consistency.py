@@ -47,8 +47,14 @@ class LastScan:
 
 def range_change(xyz: Array, other: Array) -> float:
     """Return the total variation distance, 0 to 1, of the ranges of points (N, 3) and of others (M, 3)."""
-    shares = [np.histogram(np.linalg.norm(points, axis=1), RANGES)[0] / len(points) for points in (xyz, other)]
-    return float(np.abs(shares[0] - shares[1]).sum()) / 2
+    return float(np.abs(_range_shares(xyz) - _range_shares(other)).sum()) / 2
+
+
+def _range_shares(xyz: Array) -> Array:
+    """Shares of the points (N, 3) in the intervals of `RANGES`."""
+    squared = np.einsum("ij,ij->i", xyz, xyz)
+    beyond = [np.count_nonzero(squared >= limit * limit) for limit in RANGES[:-1]]
+    return -np.diff([*beyond, 0]) / len(xyz)
 
 
 def conflicts(viewed: Array, xyz: Array, T_view_points: Array) -> float:
@@ -81,5 +87,5 @@ def _cells(xyz: Array) -> tuple[Array, Array]:
 
 
 def _sample(xyz: Array) -> Array:
-    """Some of the points, evenly."""
-    return xyz[:: max(1, len(xyz) // SAMPLE)]
+    """Some of the points, evenly, as an array of their own, so that the scan is not kept."""
+    return xyz[:: max(1, len(xyz) // SAMPLE)].copy()

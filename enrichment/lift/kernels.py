@@ -243,8 +243,11 @@ def depths_seen(xyz, points, pixels, projection, scale, out):
 
 
 @njit(inline="always")
-def _weighted_median(values, weights, count):
-    """Weighted median, the smallest value that reaches half of the weight, and the mean distance from it."""
+def weighted_median(values, weights, count):
+    """Compute the weighted median, the smallest value that reaches half of the weight, and the mean distance from it.
+
+    Only the first `count` of values and weights (N,) are used.
+    """
     total = np.float32(0.0)
     for i in range(count):
         total += weights[i]
@@ -319,7 +322,7 @@ def guess(rays, candidates, seen, upper, tangent, offset, cosine, sine, projecti
                 dense, scale, u, v, cosine[c], sine[c], tangent[row], offset[row], projection, met
             )
             weights[count + 1] = 1.0
-            median, spread = _weighted_median(values, weights, count + 2)
+            median, spread = weighted_median(values, weights, count + 2)
             candidates[Candidate.GUESS, row, c] = median
             rays[Ray.GUESS, row, c] = math.log(np.float32(median / met))
             rays[Ray.GUESS_SPREAD, row, c] = math.log(np.float32(1.0) + spread)

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from enrichment.geometry.rays import Prediction, RayGrid
 from enrichment.geometry.sparse_scan import SparseScan
 from enrichment.interpolation.ray_segment import RaySegment
-from enrichment.methods.joint import Joint, weighted_median
+from enrichment.methods.joint import Joint
 from slam.data.camera import project
 from slam.data.cloud import Array, Calibration, PointCloud
 
@@ -110,17 +108,3 @@ def same(one: Prediction, other: Prediction) -> None:
     np.testing.assert_array_equal(one.ranges, other.ranges)
     np.testing.assert_array_equal(one.sigma, other.sigma)
     np.testing.assert_array_equal(one.trusted, other.trusted)
-
-
-def test_weighted_medians_of_small_examples() -> None:
-    values = np.array([[3.0, 1.0, 2.0], [3.0, 1.0, 2.0], [5.0, 4.0, 9.0]])
-    weights = np.array([[1.0, 1.0, 1.0], [3.0, 1.0, 1.0], [0.0, 1.0, 0.2]])
-    assert weighted_median(values, weights).tolist() == [2.0, 3.0, 4.0]
-
-
-@given(st.lists(st.tuples(st.floats(0.1, 100), st.floats(0.01, 1)), min_size=1, max_size=9))
-def test_weighted_medians_split_the_weight(pairs: list[tuple[float, float]]) -> None:
-    values, weights = np.array(pairs).T
-    median = weighted_median(values[None], weights[None])[0]
-    assert weights[values <= median].sum() >= weights.sum() / 2 * (1 - 1e-9)
-    assert weights[values >= median].sum() >= weights.sum() / 2 * (1 - 1e-9)
