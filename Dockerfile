@@ -8,5 +8,8 @@ RUN apt-get update \
 WORKDIR /lidarlift
 COPY . .
 RUN pip install --no-cache-dir -c constraints.txt .
+# Compiled kernels, for any user of the container; on another CPU they are compiled again.
+ENV NUMBA_CACHE_DIR=/var/cache/lidarlift
+RUN cd / && python -m lidarlift.preparing; chmod -R a+rwX /var/cache/lidarlift
 WORKDIR /data
 ENTRYPOINT ["lidarlift"]

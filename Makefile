@@ -10,6 +10,8 @@ BENCHMARKS := $(VENV)/.ready-benchmarks
 # Peers that want other versions than lidarlift, in environments of their own. All versions: benchmarks/peers.txt.
 PEERS := kiss-slam rko-lio ouster-sdk
 OWN := $(PEERS:%=.peers/%/.ready)
+# Compiled kernels, again when the code of one has changed.
+KERNELS := $(VENV)/.ready-kernels
 
 PYTEST := $(BIN)/pytest -n 2 --dist loadfile
 
@@ -29,7 +31,7 @@ unexport PYTHONDONTWRITEBYTECODE
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
-setup: $(RUNTIME) ## install into .venv what lidarlift runs with: Debian packages, Python packages, the command
+setup: $(KERNELS) ## install into .venv what lidarlift runs with: Debian packages, Python packages, the command
 
 demo: $(RUNTIME) ## no data needed: simulate a sequence, run it at 16 and 64 channels, compare (ARGS="--quick": a part)
 	@$(BIN)/lidarlift demo $(ARGS)
@@ -92,6 +94,11 @@ $(RUNTIME) $(DEV) $(DOCS) $(BENCHMARKS): pyproject.toml constraints.txt benchmar
 	@$(BIN)/python -c 'import open3d' >/dev/null || { \
 	    echo "open3d does not start: see the error above (on Debian it needs libusb-1.0-0)" >&2; exit 1; }
 	@touch $(RUNTIME) $@
+
+$(KERNELS): $(RUNTIME) $(wildcard */*/kernels.py */*/*/kernels.py slam/simulation/shading.py)
+	@echo "Compiling kernels: about a minute, once"
+	@$(BIN)/python -m lidarlift.preparing || true
+	@touch $@
 
 $(OWN): .peers/%/.ready: $(BENCHMARKS)
 	@echo "Installing $* into .peers/$*"

@@ -137,6 +137,7 @@ TOPICS = (
     Topic("loops.place_recognition", CLOUDS, 10, pictures=_picture("place_recognition")),
     Topic("loops.ring_keys", CLOUDS, 5),
     Topic("loops.loop_verification", CLOUDS, 40),
+    Topic("loops.search_time", (*BOTH, *CLOUDS), 15),
     Topic("loops.back_end", ("{posegraphs}/..",), 60, also=("trajectories",)),
     Topic("loops.kiss_slam", ("{trajectories}",), 120, (".peers/kiss-slam/bin/python",)),
     Topic("mapping.replayed", (*BOTH, "{kitti_raw_0013}", "{loop}"), 30),

@@ -102,7 +102,8 @@ def views_of(data: Dataset, chosen: ChosenCamera, frames: slice, reporter: Repor
 
 def _velocities(data: Dataset, frames: slice, reporter: Reporter) -> tuple[Array, range]:
     """Velocities (N, 6) [rad/s, m/s] of the LiDAR at the chosen scans by the odometry, NaN where it failed."""
-    from slam.compilation import compile_kernels
+    from lidarlift.reporting import COMPILING
+    from slam.compilation import compile_odometry
     from slam.config import load_config
     from slam.data import se3
     from slam.data.dataset import chosen_positions, ring_count
@@ -118,7 +119,7 @@ def _velocities(data: Dataset, frames: slice, reporter: Reporter) -> tuple[Array
         "sweep_duration": sweep_duration(data),
         "vertical_correction": vertical_correction(config.front_end, data.sensor),
     }
-    compile_kernels(config, lambda: reporter.note("compiling kernels, only at the first run: about 20 s ..."))
+    compile_odometry(config, lambda: reporter.note(COMPILING))
     front_end = RingFrontEnd(config.front_end, data.sensor, ring_count(data))
     tracker = Tracker(front_end, MidSweepOdometry(Odometry(config.odometry, **about)), config.front_end.deskew)
     steps: list[OdometryStep] = []

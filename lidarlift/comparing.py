@@ -19,7 +19,6 @@ from lidarlift.front_ends import (
 from lidarlift.reporting import Quiet, Reporter
 from lidarlift.reports import report_runs
 from lidarlift.running import run_into
-from slam.config import load_config
 from slam.data.atomic import require_no_links, require_writable, write_text
 
 if TYPE_CHECKING:
@@ -99,6 +98,8 @@ def rows_for(
     Raises:
         InputError: As `load_config` and `with_runnable_enricher`.
     """
+    from slam.config import load_config  # pydantic takes a while to import
+
     rings = load_config(config, overrides).front_end.enriched_rings or FEW_RINGS
     rows = {}
     for channels in inputs:

@@ -7,15 +7,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from slam.config import load_config
 from slam.data.errors import InputError
-from slam.settings import Config
 
 if TYPE_CHECKING:
     from slam.data.dataset import Dataset
     from slam.data.sensor import Sensor
     from slam.front_end import FrontEnd
-    from slam.settings import FrontEndSettings
+    from slam.settings import Config, FrontEndSettings
 
 log = logging.getLogger("lidarlift")
 
@@ -63,6 +61,9 @@ def settings_for(
             `with_runnable_enricher`.
         ValueError: Other settings are given together with complete ones.
     """
+    from slam.config import load_config  # pydantic takes a while to import
+    from slam.settings import Config
+
     if isinstance(config, Config):
         if input or enricher or overrides:
             raise ValueError("config already contains all settings; leave input, enricher and overrides out")

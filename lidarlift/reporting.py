@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 #: Opens a task with a title and a number of steps, as a context manager; call its value once per step.
 Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 
+COMPILING = "compiling kernels, only at the first run: about 10 s ..."
+
 log = logging.getLogger("lidarlift")
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from lidarlift.folders import require_apart
 from lidarlift.front_ends import front_end_maker, front_end_notes, input_name, opened, settings_for
-from lidarlift.reporting import Quiet, Reporter, note_problems
+from lidarlift.reporting import COMPILING, Quiet, Reporter, note_problems
 from lidarlift.reports import report_run
 from lidarlift.watching.choice import Views, watched
 from slam.data.atomic import require_no_links, require_writable
@@ -174,17 +174,15 @@ class _Task:
         kept: KeptScan | None = None,
     ) -> Run:
         from lidarlift.camera_check import camera_problems
-        from slam.compilation import compile_kernels
+        from slam.compilation import compile_odometry, compiling_mapping
         from slam.data.dataset import ring_count
         from slam.pipeline import Pipeline
 
         make_front_end = front_end_maker(
             self.settings.front_end, self.data.sensor, self.data.path, ring_count(self.data)
         )
-        compile_kernels(
-            self.settings, lambda: self.reporter.note("compiling kernels, only at the first run: about 20 s ...")
-        )
-        with self.reporter.progress(self.title, self.total) as advance:
+        compile_odometry(self.settings, lambda: self.reporter.note(COMPILING))
+        with compiling_mapping(self.settings), self.reporter.progress(self.title, self.total) as advance:
             around = kept.around if kept else lambda front_end: front_end
             result = Pipeline(self.settings, lambda: around(make_front_end())).run(
                 self.data,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Iterator, Sequence
-from importlib import resources
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from pydantic import ValidationError
 
 from slam.data.errors import InputError
 from slam.data.yaml_text import parsed
+from slam.preset_files import preset_files
 from slam.settings import Config, Settings
 
 #: Presets and settings of earlier versions that were removed, with their replacement.
@@ -45,7 +45,7 @@ def load_config(source: str | Path | None = None, overrides: Sequence[str] = (),
     """Load settings: the defaults, overridden by `source`, then by `overrides`, then by `front_end`.
 
     Args:
-        source: A YAML file or the name of a preset (see `preset_names`).
+        source: A YAML file or the name of a preset (see `slam.preset_files`).
         overrides: Single settings, such as 'odometry.voxel_size=1.0'.
         **front_end: Front-end settings, such as input='16'; None leaves a setting unchanged.
 
@@ -76,11 +76,6 @@ def yaml_text(config: Config) -> str:
     return "\n".join(lines) + "\n"
 
 
-def preset_names() -> list[str]:
-    """Return the names of the presets."""
-    return sorted(file.name.removesuffix(".yaml") for file in _presets() if file.name.endswith(".yaml"))
-
-
 class _ListsInline(yaml.SafeDumper):
     """Writes lists such as [4.0, 2.0, 1.0] on one line, and sections with one line per key."""
 
@@ -90,19 +85,16 @@ _ListsInline.add_representer(
 )
 
 
-def _presets() -> Iterator[Any]:
-    return resources.files("slam.presets").iterdir()
-
-
 def _read(source: str | Path) -> dict[str, Any]:
     path = Path(source)
-    preset = next((file for file in _presets() if file.name == f"{source}.yaml"), None)
+    presets = preset_files()
+    preset = presets.get(str(source))
     if not path.is_file() and str(source) in REMOVED_PRESETS:
         raise InputError(
             f"{source}: this preset was removed, the defaults apply to all inputs; {REMOVED_PRESETS[str(source)]}"
         )
     if not path.is_file() and preset is None:
-        raise InputError(f"{source}: neither a file nor a preset; presets are {', '.join(preset_names())}")
+        raise InputError(f"{source}: neither a file nor a preset; presets are {', '.join(presets)}")
     try:
         text = path.read_text(encoding="utf-8") if path.is_file() or preset is None else preset.read_text("utf-8")
         values = parsed(text) or {}

@@ -87,5 +87,5 @@ def _cells(xyz: Array) -> tuple[Array, Array]:
 
 
 def _sample(xyz: Array) -> Array:
-    """Some of the points, evenly."""
-    return xyz[:: max(1, len(xyz) // SAMPLE)]
+    """Some of the points, evenly, as an array of their own, so that the scan is not kept."""
+    return xyz[:: max(1, len(xyz) // SAMPLE)].copy()

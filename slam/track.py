@@ -409,9 +409,8 @@ class Track:
         if prepared.time is not None:
             some = slice(None, None, DISTORTION_POINTS)
             xyz, weight = prepared.points
-            response = target.distortion_response(
-                xyz[some], DISTORTION_POINTS * weight[some], prepared.time[some], found
-            )
+            xyz = np.ascontiguousarray(xyz[some])  # for an array with strides, the kernels would be compiled once more
+            response = target.distortion_response(xyz, DISTORTION_POINTS * weight[some], prepared.time[some], found)
             covariance = covariance + response @ self._velocity_changes @ response.T
         return RELATIVE_VARIANCE_FACTOR * covariance
 

@@ -96,7 +96,8 @@ def page(found: Mapping[str, Any]) -> str:
 * Processor time of the thread in the loop search of a keyframe: descriptor, places with similar descriptors, and the
   verification of the candidates up to the first that is accepted; mean over the keyframes of the whole run, over those
   with candidates (with the 95th percentile) and over those without. Other threads and programs run at the same time.
-* Before: {about["commits"]["before"]}; after: {about["commits"]["after"]}. Each is run once, one after the other.
+* Before: {about["commits"]["before"]}; after: {about["commits"]["after"]}. Each is run once, one after the other, with
+  compiled kernels.
 * Also before: loops of the same two keyframes that the version before accepted, too. Wrong: loops with an error above
   {WRONG:g} m. Peak: resident memory of the whole run, including the map.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from eval.report.chart import Chart, Curve, Panel
 from slam.data.atomic import written_beside
-from slam.data.plot_style import INK, tidy
+from slam.data.plot_style import INK, QUICK, tidy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,7 @@ def save(figure: Figure, folder: Path, key: str) -> None:
     from matplotlib import rc_context
 
     with written_beside(folder / f"{key}.png") as temporary:
-        figure.savefig(temporary, dpi=DPI, facecolor="white")
+        figure.savefig(temporary, dpi=DPI, facecolor="white", pil_kwargs=QUICK)
     figure.set_layout_engine("none")  # the layout is found, and takes longer than the drawing
     with (
         rc_context({"svg.fonttype": "none", "svg.hashsalt": key}),

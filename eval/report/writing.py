@@ -98,7 +98,7 @@ def _image(picture: Picture) -> Image:
     from PIL import Image as Pillow
 
     png, webp = BytesIO(), BytesIO()
-    on_dark(picture.figure).savefig(png, dpi=PAGE_DPI)
+    on_dark(picture.figure).savefig(png, dpi=PAGE_DPI, pil_kwargs={"compress_level": 0})
     image = Pillow.open(png).convert("RGB")
     image.save(webp, "WEBP", quality=82, method=4)
     data = f"data:image/webp;base64,{b64encode(webp.getvalue()).decode('ascii')}"

@@ -9,10 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from enrichment.methods.registry import METHODS
-from slam.config import preset_names
 from slam.data.errors import InputError
 from slam.data.registry import Registry
-from slam.settings import FrontEndSettings
+from slam.preset_files import preset_names
 
 DatasetArgument = Annotated[
     Path,
@@ -29,8 +28,12 @@ StrictOption = Annotated[bool, typer.Option("--strict", help="Stop with an error
 
 def _known_input(text: str | None) -> str | None:
     """Check --input."""
+    if text is None:
+        return None
+    from slam.settings import FrontEndSettings
+
     try:
-        return text if text is None else FrontEndSettings(input=text).input
+        return FrontEndSettings(input=text).input
     except ValueError as error:
         raise typer.BadParameter(f"'{text}' is not full, enriched or a number of rings, as in 16") from error
 

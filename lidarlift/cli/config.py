@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from lidarlift.cli.arguments import ConfigOption, EnricherOption, InputOption, SetOption
-from slam.config import load_config, yaml_text
 
 
 def config(
@@ -19,5 +18,7 @@ def config(
     A preset or file overrides the defaults, and single settings override both. Cell and voxel sizes that are null are
     chosen from the first scan.
     """
+    from slam.config import load_config, yaml_text
+
     settings = load_config(config, set_ or (), input=input, enricher=enricher)
     print(yaml_text(settings), end="")

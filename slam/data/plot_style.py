@@ -17,6 +17,8 @@ BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE, BLACK = OKABE_ITO = (
 )  # fmt: skip
 #: Colours of text, of grid lines and of background curves such as ground truth.
 INK, GRID, GREY = "#222222", "#E8E8E8", "#B8B8B8"
+#: Of PNG files: the same pixels in half of the time, and files a tenth larger.
+QUICK = {"compress_level": 2}
 
 
 def tidy(axes: Axes) -> None:
@@ -30,4 +32,4 @@ def tidy(axes: Axes) -> None:
 def save_png(figure: Figure, path: Path, dpi: int = 150) -> None:
     """Write a figure atomically; a figure made without pyplot needs no display and has no global state."""
     with written_beside(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=dpi, facecolor="white")
+        figure.savefig(temporary, format="png", dpi=dpi, facecolor="white", pil_kwargs=QUICK)

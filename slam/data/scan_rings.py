@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from slam.data.beams import line_misfit, nearest_rings, recover_rings
 from slam.data.cloud import Array
@@ -170,6 +169,8 @@ def _from_top(xyz: Array, numbers: Array, count: int, sensor: Sensor | None) -> 
 
 def _rings_of_lasers(lasers: Sequence[Array], sensor: Sensor) -> Array:
     """(K,) a ring for each of K lasers, by their points (N, 3): together they are nearest to the laser lines."""
+    from scipy.optimize import linear_sum_assignment  # slow to import, and seldom needed
+
     tangent = np.tan(sensor.elevation)[:, None]
     cost = []
     for xyz in lasers:

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from slam.data.atomic import written_beside
 from slam.data.cloud import Array, PointCloud
+from slam.data.plot_style import QUICK
 
 MAX_PIXELS = 1600  # along the longer side of the map
 MIN_PIXEL = 0.1  # m per pixel: with finer pixels a map of 0.2 m voxels would have holes
@@ -49,7 +50,7 @@ def map_png(cloud: PointCloud, trajectory: Array, path: Path) -> None:
     axes.set(xlabel="x [m]", ylabel="y [m]", xlim=edges[:2], ylim=edges[2:])
     axes.legend(loc="upper right", fontsize="small")
     with written_beside(path) as temporary:
-        figure.savefig(temporary, metadata={"Software": None})
+        figure.savefig(temporary, metadata={"Software": None}, pil_kwargs=QUICK)
 
 
 def _extent(xy: Array) -> Array:

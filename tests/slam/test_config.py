@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 import yaml
 
-from slam.config import RENAMED_SETTINGS, load_config, preset_names
+from slam.config import RENAMED_SETTINGS, load_config
 from slam.data.errors import InputError
+from slam.preset_files import preset_names
 from slam.settings import Config
 
 

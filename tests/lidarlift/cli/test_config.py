@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 import lidarlift as package
-from slam.config import load_config, preset_names
+from slam.config import load_config
+from slam.preset_files import preset_names
 
 Command = Callable[..., Any]
 
