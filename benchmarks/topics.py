@@ -114,6 +114,11 @@ TOPICS = (
     Topic("sensors.table", (), 1, pages=("docs/sensors.md",), results=False),
     Topic("inputs.read_speed", (), 2),
     Topic("odometry.frame_rate", KITTI, 30, FAST_PEERS, pictures=_picture("frame_rate")),
+    Topic("whole.stages", (*BOTH, "{kitti_raw_0013}", "{loop}"), 60),
+    Topic(
+        "whole.whole_run", (*BOTH, "{kitti_raw_0013}", "{loop}", "--kiss-slam", "{trajectories}"), 90,
+        ("kiss_icp", ".peers/kiss-slam/bin/python"),
+    ),
     Topic("odometry.paper_chain", (*KITTI, "--town", "{loop}"), 20),
     Topic("odometry.disturbed", (*DISTURBED, "repeated"), 60),
     Topic("odometry.observability", OBSERVED, 60),

@@ -115,8 +115,8 @@ def page(found: Mapping[str, Any]) -> str:
 * `lidarlift run` of two versions, each a process of its own, everything included: imports, kernels from the cache,
   SLAM, metrics, figures and report. The runs alternate on one core, one thread each; of the runs of a version, the one
   with the least processor time counts. The wall time contains what else the machine did.
-* The stages are those of run.json, medians: load, front end, odometry and waiting per frame; map, loops and back end
-  per keyframe. Memory is the peak of the process.
+* The stages are those of run.json, medians of wall times: load, front end, odometry and waiting per frame; map, loops
+  and back end per keyframe. Memory is the peak of the process.
 
 {table(("sequence", "input", "", "before", "after", "ratio"), rows, words=3)}{spied}"""
 
