@@ -1,13 +1,12 @@
 """One run of the version of lidarlift that the interpreter has installed: the time of each keyframe's loop search.
 
-    PYTHON benchmarks/loops/search_worker.py FOLDER INPUT
-
-FOLDER is a data set, or has keyframes/*.bin with odometry_tum.txt. Writes JSON to stdout. Imports nothing of
-benchmarks, so that any version of lidarlift can run it.
+FOLDER is a data set, or has keyframes/*.bin with odometry_tum.txt. Writes JSON to stdout. search_time.py starts it.
+It imports nothing of benchmarks, so that any version of lidarlift can run it.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import resource
 import sys
@@ -30,8 +29,16 @@ from slam.recorded_odometry import RecordedOdometry
 
 
 def main() -> None:
-    folder, channels = Path(sys.argv[1]), sys.argv[2]
-    config, milliseconds, candidates = load_config(input=channels), [], []
+    arguments = argparse.ArgumentParser(
+        prog="python -m benchmarks.loops.search_worker",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    arguments.add_argument("folder", type=Path)
+    arguments.add_argument("input")
+    options = arguments.parse_args()
+    folder: Path = options.folder
+    config, milliseconds, candidates = load_config(input=options.input), [], []
     search = LoopSearch.next
 
     def timed(self: LoopSearch, keyframes: Sequence[Keyframe]) -> Any:

@@ -28,7 +28,11 @@ READER = "read-ahead"  # name of the pipeline's thread that reads scans
 
 
 def main() -> None:
-    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments = argparse.ArgumentParser(
+        prog="python -m benchmarks.mapping.replayed_run",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     arguments.add_argument("sequence", type=Path)
     arguments.add_argument("folder", type=Path, help="of the run")
     arguments.add_argument("--input", default="64")
