@@ -66,24 +66,23 @@ def conflicts(viewed: Array, xyz: Array, T_view_points: Array) -> float:
         T_view_points: (4, 4).
     """
     shape = int(360 / CELL), int(180 / CELL) + 1
-    nearest = np.full(shape, np.inf)
-    np.minimum.at(nearest, _cells(viewed), np.linalg.norm(viewed, axis=1))
-    around = nearest.copy()
-    for across in (-1, 0, 1):
-        for up in (-1, 0, 1):
-            around = np.minimum(around, np.roll(nearest, (across, up), (0, 1)))
+    nearest = np.full(shape[0] * shape[1], np.inf)
+    np.minimum.at(nearest, _cells(viewed, shape), np.linalg.norm(viewed, axis=1))
+    around = nearest.reshape(shape)
+    for axis in (0, 1):
+        around = np.minimum(around, np.minimum(np.roll(around, 1, axis), np.roll(around, -1, axis)))
     moved = xyz @ T_view_points[:3, :3].T + T_view_points[:3, 3]
-    distance, cells = np.linalg.norm(moved, axis=1), _cells(moved)
+    distance, cells = np.linalg.norm(moved, axis=1), _cells(moved, shape)
     counted = np.isfinite(nearest[cells]) & (distance > NEAREST)
-    free = distance < (1 - MARGIN[0]) * around[cells] - MARGIN[1]
+    free = distance < (1 - MARGIN[0]) * around.ravel()[cells] - MARGIN[1]
     return float(free[counted].mean()) if counted.any() else 0.0
 
 
-def _cells(xyz: Array) -> tuple[Array, Array]:
-    """Indices of the cells of a view, by azimuth and elevation, of points (N, 3)."""
+def _cells(xyz: Array, shape: tuple[int, int]) -> Array:
+    """Indices (N,) of the cells of a view, by azimuth and elevation, of points (N, 3)."""
     azimuth = np.rad2deg(np.arctan2(xyz[:, 1], xyz[:, 0])) % 360
-    elevation = np.rad2deg(np.arctan2(xyz[:, 2], np.linalg.norm(xyz[:, :2], axis=1))) + 90
-    return (azimuth / CELL).astype(int) % int(360 / CELL), (elevation / CELL).astype(int)
+    elevation = np.rad2deg(np.arctan2(xyz[:, 2], np.sqrt(xyz[:, 0] ** 2 + xyz[:, 1] ** 2))) + 90
+    return np.asarray((azimuth / CELL).astype(int) % shape[0] * shape[1] + (elevation / CELL).astype(int))
 
 
 def _sample(xyz: Array) -> Array:
