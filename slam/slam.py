@@ -127,7 +127,7 @@ class Slam:
         self.result.timed += tracked.timed
         self.result.sizes = self._tracker.sizes
 
-        laps = {"load": load_milliseconds, **tracked.milliseconds}
+        laps = {"load": load_milliseconds, **tracked.milliseconds, "waiting": 0.0}
         self._waiting.append((len(self.result.records), frame, tracked.cloud))
         self.result.records.append(_record(frame, tracked, laps))
         begin, step = time.perf_counter(), tracked.step

@@ -20,7 +20,7 @@ from slam.journal.journal import Journal
 from slam.odometry import OdometryStep
 from slam.recorded_odometry import RecordedSteps
 from slam.recovery import recovered
-from slam.run import Run
+from slam.run import STAGES, Run
 from slam.slam import Slam
 
 SIDE, FRAMES = 24.0, 112  # m, side of a square block; more than one round
@@ -240,6 +240,22 @@ def test_an_exception_of_the_mapper_is_raised_by_the_next_frame(
         with pytest.raises(MemoryError, match="no room"):
             it.add(frames[2])
         assert len(it.result.records) == 2
+
+
+def test_a_frame_that_the_mapper_cannot_take_has_all_its_run_times(
+    frames: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The results so far are written after an error, as of a full disk; their table of times has all stages."""
+
+    def fails(*_: object) -> None:
+        raise InputError("run: the disk is full")
+
+    with slam() as it:
+        it.add(frames[0])
+        monkeypatch.setattr(it._mapper, "add", fails)
+        with pytest.raises(InputError, match="full"):
+            it.add(frames[1])
+        assert [set(record.milliseconds) >= set(STAGES) for record in it.result.records] == [True, True]
 
 
 CARRIED, AGAIN = 48, 20  # metre at which the sensor is carried back, and the metre where it goes on
