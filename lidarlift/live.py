@@ -30,10 +30,10 @@ class Slam:
     """LiDAR SLAM that is given one scan at a time.
 
     Pose, covariance and status of a scan are returned at once. Keyframes, loop closures and the pose graph are
-    processed in a second thread; `trajectory` returns their current estimate, `finish` selects the consistent loop
+    processed in other threads; `trajectory` returns their current estimate, `finish` selects the consistent loop
     closures and builds the map. `lidarlift.run` feeds the same object from a data set.
 
-    Use it in a `with` statement, so that an exception stops the thread.
+    Use it in a `with` statement, so that an exception stops the threads.
 
     Args:
         sensor: A built-in LiDAR ('hdl64', 'vlp16', 'vlp32c', ...) or a YAML file with its beams. Required for input

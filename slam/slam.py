@@ -37,7 +37,7 @@ class Slam:
     Front end and odometry process each frame immediately; keyframes, loop closures and the pose graph follow in
     separate threads. Results are deterministic, bit for bit: they depend on the frames, not on the timing.
 
-    Use it in a `with` statement, so that an exception stops the thread. One thread at a time adds frames.
+    Use it in a `with` statement, so that an exception stops the threads. One thread at a time adds frames.
 
     Args:
         config: The settings. Default: `Config()`.

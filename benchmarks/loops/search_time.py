@@ -83,6 +83,7 @@ def measured(command: Path, folder: str, channels: str) -> dict[str, Any]:
 def page(found: Mapping[str, Any]) -> str:
     """The Markdown page of the JSON file."""
     about, sequences = found["about"], found["sequences"]
+    note = f"\n{about['note']}\n" if "note" in about else ""
     rows = [_row(name, label, versions) for name, versions in sequences.items() for label in VERSIONS]
     goals = [
         target(f"{name}: time of a keyframe, relative to before", _ratio(versions), "<=", LIMIT, 2)
@@ -92,7 +93,7 @@ def page(found: Mapping[str, Any]) -> str:
 
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores.
 `{about["command"]}`
-
+{note}
 * Processor time of the thread in the loop search of a keyframe: descriptor, places with similar descriptors, and the
   verification of the candidates up to the first that is accepted; mean over the keyframes of the whole run, over those
   with candidates (with the 95th percentile) and over those without. Other threads and programs run at the same time.

@@ -62,7 +62,8 @@ def ring_key(descriptor: Array) -> Array:
     """Compute the key of descriptors, (..., rings, sectors) -> (..., rings * (1 + HARMONICS)) float32.
 
     The mean of each ring, then the amplitudes of its first harmonics over azimuth: a yaw rotation shifts their phases
-    only. The mean alone confuses ten times as many places (benchmarks/results/place_recognition.md).
+    only. The means alone miss 1.5 and 28.8 % of the revisits of two recordings among 10,000 places, with the harmonics
+    0.00 and 0.67 % (benchmarks/results/ring_keys.md).
     """
     sectors = descriptor.shape[-1]
     waves = np.abs(np.fft.rfft(descriptor, axis=-1)[..., : HARMONICS + 1]) / sectors
