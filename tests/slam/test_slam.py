@@ -195,7 +195,7 @@ def test_a_run_that_is_resumed_again_and_again_has_the_same_bits(
         assert resumed.map.intensity.tobytes() == whole.map.intensity.tobytes()
         assert [record.status for record in resumed.mapping.ledger] == [r.status for r in whole.mapping.ledger]
         assert resumed.problems == whole.problems
-        found = recovered(tmp_path / "s" / "session.sqlite")
+    found = recovered(tmp_path / "s" / "session.sqlite")  # the journal is closed: all rows are in the file
     assert len(found.map()) > 1000
     odometry = whole.odometry_poses
     assert off(found.poses)[-4:].max() < 0.5 * off(odometry)[-4:].min()
