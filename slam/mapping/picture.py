@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from slam.data.atomic import written_beside
 from slam.data.cloud import Array, PointCloud
-from slam.data.plot_style import QUICK
+from slam.data.drawing.axes import GAP, LABEL, Axes, Scale, labels_width
+from slam.data.drawing.colours import colour_map
+from slam.data.drawing.fonts import text_width
+from slam.data.drawing.from_above import highest_last
+from slam.data.drawing.raster import save_png
+from slam.data.drawing.shapes import POINT, Area, Box, Drawing, Line, Picture, Shape, Text
+from slam.data.plot_style import INK
 
 MAX_PIXELS = 1600  # along the longer side of the map
 MIN_PIXEL = 0.1  # m per pixel: with finer pixels a map of 0.2 m voxels would have holes
 BACKGROUND = 16
 CELL = 2.0  # m, and at least two pixels: squares that share their nearest trajectory position
 AT_ONCE = 1 << 17  # points that are coloured together: bounds the memory
+SAMPLED = 200_000  # points that the limits of the map are computed from, about
 LOWEST, HIGHEST = -2.5, 6.0  # m above the sensor's path: limits of the colour scale
+DARKEST = 51  # of 256 colours: darker ones would vanish in the background
+RED, SMALL, EDGE = "#FF3B30", 8.5 * POINT, 14
 
 
 def map_png(cloud: PointCloud, trajectory: Array, path: Path) -> None:
@@ -32,48 +38,66 @@ def map_png(cloud: PointCloud, trajectory: Array, path: Path) -> None:
         trajectory: Positions (N, 3) of the sensor in the world frame [m].
         path: The PNG to write, atomically.
     """
-    from matplotlib.figure import Figure  # half a second of import, at the end of a run only
-
     corners = np.concatenate([_extent(cloud.xyz[:, :2]), trajectory[:, :2].reshape(-1, 2)])
     low, high = np.floor(corners.min(axis=0)) - 5, np.ceil(corners.max(axis=0)) + 5
     pixel = max(MIN_PIXEL, float((high - low).max()) / MAX_PIXELS)
-    width, height = np.ceil((high - low) / pixel).astype(int)
+    width, height = np.ceil((high - low) / pixel).astype(int).tolist()
     picture = _drawn(cloud, trajectory, low, pixel, width, height)
 
-    figure = Figure(figsize=(1.5 + width / 150, 1.2 + height / 150), dpi=150, layout="constrained")
-    axes = figure.add_subplot()
-    edges = (low[0], low[0] + width * pixel, low[1], low[1] + height * pixel)
-    axes.imshow(picture, origin="lower", extent=edges, interpolation="antialiased")
-    axes.plot(*trajectory[:, :2].T, color="#ff3b30", linewidth=0.9, label="trajectory")
-    axes.plot(*trajectory[:1, :2].T, "o", color="#ff3b30", markersize=4)
-    axes.grid(color="white", alpha=0.25, linewidth=0.5)
-    axes.set(xlabel="x [m]", ylabel="y [m]", xlim=edges[:2], ylim=edges[2:])
-    axes.legend(loc="upper right", fontsize="small")
-    with written_beside(path) as temporary:
-        figure.savefig(temporary, metadata={"Software": None}, pil_kwargs=QUICK)
+    x, y = Scale(low[0], low[0] + width * pixel), Scale(low[1], low[1] + height * pixel)
+    y_ticks = Axes(Box(0, 0, width, height), x, y).y_ticks(2)
+    left = round(EDGE + 1.6 * LABEL + labels_width(y_ticks) + GAP)
+    axes = Axes(Box(left, EDGE, left + width, EDGE + height), x, y)
+    x_ticks = axes.x_ticks()
+    shapes: list[Shape] = [
+        Picture(axes.box, picture[::-1]),
+        axes.grid(x_ticks, y_ticks, "#FFFFFF", 0.25),
+        Line(axes.at(*trajectory[:, :2].T), RED, 3),
+        Line(axes.at(*trajectory[:1, :2].T), RED, 9),
+        *axes.x_labels(x_ticks, "x [m]"),
+        *axes.y_labels(y_ticks, "y [m]", EDGE + LABEL / 2),
+        *_legend(axes.box),
+    ]
+    below = GAP + 3 * LABEL + EDGE
+    save_png(Drawing(left + width + 2 * EDGE, round(EDGE + height + below), shapes), path)
+
+
+def _legend(box: Box) -> list[Shape]:
+    """The name of the line, in the right upper corner."""
+    left, middle = box.right - text_width("trajectory", SMALL) - 70, box.top + 30
+    ground = Box(left, middle - 18, box.right - 10, middle + 18)
+    return [
+        Area(ground.corners, "#FFFFFF", 0.8),
+        Line(np.array([[left + 8, middle], [left + 42, middle]]), RED, 3),
+        Text(left + 52, middle, "trajectory", INK, SMALL, middle=True),
+    ]
 
 
 def _extent(xy: Array) -> Array:
     """Lower and upper corner (2, 2) of the points without outliers; (0, 2) for no points."""
-    return np.quantile(xy, (0.0005, 0.9995), axis=0) if len(xy) else np.zeros((0, 2))
+    return np.quantile(xy[:: max(1, len(xy) // SAMPLED)], (0.0005, 0.9995), axis=0) if len(xy) else np.zeros((0, 2))
 
 
 def _drawn(cloud: PointCloud, trajectory: Array, low: Array, pixel: float, width: int, height: int) -> Array:
     """Image (H, W, 3) uint8, first row at the lowest y."""
     picture = np.full((height * width, 3), BACKGROUND, np.uint8)
-    heights = _Heights(cloud.xyz, trajectory, max(CELL, 2 * pixel))
-    for some in _in_turn(np.argsort(cloud.xyz[:, 2], kind="stable")):  # the highest point of a pixel is drawn last
-        points = cloud.select(some)
+    heights = _Heights(low, np.array([width, height]) * pixel, trajectory, max(CELL, 2 * pixel))
+    shown = _shown(cloud, low, pixel, width, height)
+    for start in range(0, len(shown), AT_ONCE):
+        points = cloud.select(shown[start : start + AT_ONCE])
         column, row = ((points.xyz[:, :2] - low) / pixel).astype(np.int64).T
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        colours = _colours(points, heights)
-        picture[row[inside] * width + column[inside]] = colours[inside]
+        picture[row * width + column] = _colours(points, heights)
     return _without_holes(picture.reshape(height, width, 3))
 
 
-def _in_turn(order: Array) -> Iterator[Array]:
-    """Parts of an order (N,), each small enough for its colours."""
-    return (order[start : start + AT_ONCE] for start in range(0, len(order), AT_ONCE))
+def _shown(cloud: PointCloud, low: Array, pixel: float, width: int, height: int) -> Array:
+    """The highest point of each pixel, for those that have any."""
+    order = highest_last(cloud.xyz[:, 2])
+    column, row = np.floor((cloud.xyz[order, :2] - low) / pixel).astype(np.int32).T
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    highest = np.full(height * width, -1, np.int64)
+    highest[(row * width + column)[inside]] = order[inside]
+    return highest[highest >= 0]
 
 
 def _without_holes(picture: Array) -> Array:
@@ -86,12 +110,10 @@ def _without_holes(picture: Array) -> Array:
 
 def _colours(cloud: PointCloud, heights: _Heights) -> Array:
     """Colours (N, 3) uint8 of the points."""
-    from matplotlib import colormaps
-
-    palette: Any = np.array(colormaps["viridis"](np.linspace(0.2, 1.0, 256)))[:, :3]
+    palette = colour_map("viridis")[np.linspace(DARKEST, 255, 256).round().astype(np.uint8)]
     share = np.clip((heights(cloud.xyz) - LOWEST) / (HIGHEST - LOWEST), 0, 1)
     light = 0.6 + 0.4 * np.sqrt(np.clip(cloud.intensity, 0, 1))  # intensity makes road markings visible
-    colours = (255 * palette[(255 * share).astype(np.int64)] * light[:, None]).astype(np.uint8)
+    colours = (palette[(255 * share).astype(np.uint8)] * light[:, None]).astype(np.uint8)
     if cloud.colour is not None:
         seen = cloud.colour.any(axis=1)
         colours[seen] = cloud.colour[seen]
@@ -101,19 +123,13 @@ def _colours(cloud: PointCloud, heights: _Heights) -> Array:
 class _Heights:
     """Heights above the nearest trajectory position, which is looked up per square of `size` [m]."""
 
-    def __init__(self, xyz: Array, trajectory: Array, size: float) -> None:
-        self._size, self._trajectory = size, trajectory[:, 2].astype(np.float32)
-        low, high = (xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)) if len(xyz) else (np.zeros(2), np.zeros(2))
-        self._corner = low
-        columns, self._rows = self._squares(high) + 1
-        index = np.arange(columns * self._rows)
-        middle = np.stack(np.divmod(index, self._rows), axis=1) * size + self._corner + size / 2
-        _, self._nearest = cKDTree(trajectory[:, :2]).query(middle)
+    def __init__(self, low: Array, extent: Array, trajectory: Array, size: float) -> None:
+        self._size, self._corner = size, low
+        columns, self._rows = np.ceil(extent / size).astype(int) + 1
+        middle = (np.stack(np.divmod(np.arange(columns * self._rows), self._rows), axis=1) + 0.5) * size + low
+        self._base = trajectory[cKDTree(trajectory[:, :2]).query(middle)[1], 2].astype(np.float32)
 
     def __call__(self, xyz: Array) -> Array:
         """Heights (N,) [m] of points (N, 3)."""
-        column, row = self._squares(xyz[:, :2]).T
-        return np.asarray(xyz[:, 2] - self._trajectory[self._nearest][column * self._rows + row])
-
-    def _squares(self, xy: Array) -> Array:
-        return ((xy - self._corner) / self._size).astype(np.int64)
+        column, row = ((xyz[:, :2] - self._corner) / self._size).astype(np.int64).T
+        return np.asarray(xyz[:, 2] - self._base[column * self._rows + row])
