@@ -10,10 +10,12 @@ from slam.data import se3
 from slam.data.problem import Problem
 
 if TYPE_CHECKING:
+    from slam.data.cloud import Calibration, PointCloud
     from slam.data.dataset import Dataset
     from slam.run import Run
 
 CHECKED = 8  # frames, evenly spaced
+MARGIN = 0.1  # of the image's size: points that are searched for edges beyond its borders
 
 
 def camera_problems(data: Dataset, run: Run) -> tuple[Problem, ...]:
@@ -37,6 +39,16 @@ def camera_problems(data: Dataset, run: Run) -> tuple[Problem, ...]:
         if frame.calibration is None or frame.cloud.ring is None or seconds <= 0 or (image := frame.image) is None:
             continue
         velocity = se3.log(se3.inverse(poses[at - 1]) @ poses[at + 1]) / seconds
-        views.append(view_of(frame.cloud, velocity, pinhole_grey(image, calibration)))
+        cloud = _seen(frame.cloud, calibration, image.shape)
+        views.append(view_of(cloud, velocity, pinhole_grey(image, calibration)))
     fault = camera_fault(views, calibration.K, calibration.T_camera_lidar)
     return () if fault is None else (Problem("camera", f"{data.path}: {fault}"),)
+
+
+def _seen(cloud: PointCloud, calibration: Calibration, shape: tuple[int, ...]) -> PointCloud:
+    """The points in front of the camera that its image (H, W, 3), or a margin around it, may show."""
+    from slam.data.camera import project
+
+    pixels, _ = project(cloud.xyz, calibration)
+    size = np.array(shape[1::-1])
+    return cloud.select((np.abs(pixels / size - 0.5) < 0.5 + MARGIN).all(axis=1))
