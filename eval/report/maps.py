@@ -16,6 +16,7 @@ from slam.data.point_files import Points, read_points
 #: Points of all maps of a page together, and of one map: 10 bytes a point and software rendering set the limits.
 ALL, ONE = 360_000, 120_000
 CELL = 1.0  # m: squares of the density
+MOST_SQUARES, TABLE = 1 << 26, 1 << 12  # squares that are counted in a table; side of a table of squares
 #: Radius [m] and fewest neighbours of a neighbourhood, and number of points whose neighbourhoods are averaged.
 RADIUS, NEIGHBOURS, SAMPLED = 0.5, 8, 2_000
 
@@ -70,7 +71,7 @@ def read_maps(report: Report) -> dict[str, Points]:
 
 def figures_of(xyz: Array) -> MapFigures:
     """Compute the figures of a map with points (N, 3) [m], N > 0."""
-    squares = len(np.unique(_square(xyz, CELL)))
+    squares = _occupied(xyz, CELL)
     return MapFigures(len(xyz), len(xyz) / (squares * CELL**2), sharpness(xyz))
 
 
@@ -91,13 +92,12 @@ def sharpness(xyz: Array, seed: int = 0) -> Sharpness | None:
         0.0
     """
     samples = xyz[np.random.default_rng(seed).permutation(len(xyz))[:SAMPLED]].astype(np.float64)
-    offsets = RADIUS * np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 1, 2)
-    around = np.unique(_square(samples[:, :2] + offsets, RADIUS))
-    points = xyz[np.isin(_square(xyz, RADIUS), around)].astype(np.float64)  # a tree of the whole map can take minutes
+    points = _near(xyz, samples).astype(np.float64)  # a tree of the whole map can take minutes
     neighbours = cKDTree(points).query_ball_point(samples, RADIUS)
-    spreads = np.array([np.cov(points[each].T, bias=True) for each in neighbours if len(each) >= NEIGHBOURS])
-    if len(spreads) == 0:
+    counts = np.array([len(each) for each in neighbours])
+    if not (enough := counts >= NEIGHBOURS).any():
         return None
+    spreads = _covariances(points[np.concatenate(neighbours[enough])], counts[enough])
     eigenvalues = np.maximum(np.linalg.eigvalsh(spreads), 1e-12)  # a micrometre: exactly flat has entropy -inf
     entropy = 0.5 * np.log(2 * np.pi * np.e * eigenvalues).sum(axis=1)
     return Sharpness(float(entropy.mean()), float(np.median(np.sqrt(eigenvalues[:, 0]))))
@@ -118,10 +118,40 @@ def thinned(maps: Mapping[str, Points], seed: int = 0) -> tuple[dict[str, Points
     return {label: _some(points, share, seed) for label, points in maps.items()}, share
 
 
-def _square(xy: Array, size: float) -> Array:
-    """One number for each square of `size` [m], seen from above, in which points (..., 2 or 3) lie."""
-    column, row = np.moveaxis(np.floor(xy[..., :2] / size).astype(np.int64), -1, 0)
-    return np.asarray((column << 32) + row)
+def _occupied(xyz: Array, size: float) -> int:
+    """Number of squares of `size` [m], seen from above, in which points (N, 3) lie."""
+    column, row = _square(xyz, size)
+    width, height = np.ptp(column) + 1, np.ptp(row) + 1
+    if width * height > MOST_SQUARES:
+        return len(np.unique((column.astype(np.int64) << 32) + row))
+    occupied = np.zeros((width, height), bool)
+    occupied[column - column.min(), row - row.min()] = True
+    return int(occupied.sum())
+
+
+def _near(xyz: Array, samples: Array) -> Array:
+    """The points (N, 3) in the squares of samples (M, 3) and in the squares around these, and perhaps more."""
+    (column, row), (columns, rows) = _square(xyz, RADIUS), _square(samples, RADIUS)
+    near = np.zeros((TABLE, TABLE), bool)  # squares share places beyond TABLE of them
+    for right in (-1, 0, 1):
+        for up in (-1, 0, 1):
+            near[(columns + right) % TABLE, (rows + up) % TABLE] = True
+    return xyz[near[column % TABLE, row % TABLE]]
+
+
+def _square(xyz: Array, size: float) -> tuple[Array, Array]:
+    """Column and row (N,) int32 of the squares of `size` [m], seen from above, in which points (N, 3) lie."""
+    column, row = (np.floor(xyz[:, axis] / np.float32(size)).astype(np.int32) for axis in (0, 1))
+    return column, row
+
+
+def _covariances(points: Array, counts: Array) -> Array:
+    """Covariances (K, 3, 3) of groups of points (N, 3), `counts` (K,) after each other."""
+    starts = np.cumsum(counts) - counts
+    mean = np.add.reduceat(points, starts) / counts[:, None]
+    off = points - np.repeat(mean, counts, axis=0)
+    products = off[:, :, None] * off[:, None]
+    return np.asarray(np.add.reduceat(products, starts) / counts[:, None, None])
 
 
 def _some(points: Points, share: float, seed: int) -> Points:

@@ -97,6 +97,7 @@ def _write_files(folder: Path, charts: Sequence[Chart], pictures: Sequence[Pictu
 def _image(picture: Picture) -> Image:
     """The picture on a dark ground, which suits both themes of the page."""
     from PIL import Image as Pillow
+    from PIL import WebPImagePlugin  # noqa: F401  # else Pillow would import all its formats
 
     webp = BytesIO()
     image = Pillow.fromarray(pixels(on_dark(picture.drawing), PAGE_SCALE))
