@@ -100,8 +100,10 @@ class _Gathering:
 
     def _valid(self, xyz: Array, organised: bool) -> Array | None:
         """Mask of the valid points, (n,) bool; None for all."""
-        if len(xyz) == 0 or (-self.farthest < xyz.min() and xyz.max() < self.farthest and xyz.all()):
-            return None  # the common case of a scan without faults; NaN fails these comparisons
+        if len(xyz) == 0 or (-self.farthest < xyz.min() and xyz.max() < self.farthest):  # NaN fails this
+            level = xyz[xyz[:, 0] == 0]
+            if level.any(axis=1).all():
+                return None  # the common case of a scan without faults
         axes = xyz.T  # axis by axis, which is several times faster than along the rows of three
         sound = np.logical_and.reduce([np.abs(axis) < self.farthest for axis in axes])
         none = [np.isnan(axis) for axis in axes]
