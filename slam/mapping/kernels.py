@@ -21,12 +21,14 @@ _EVEN = ~(1 | 1 << _BITS | 1 << (2 * _BITS))
 # point in the voxel, number of the last such cloud plus 1; with colour also red, green, blue and the number of coloured
 # points. Whole numbers are exact in float32 up to 2^24.
 _OFFSET, _INTENSITY, SEEN, _LAST, _COLOUR, _COLOURED = 1, 4, 5, 6, 7, 10
-_ATAN = (  # of an odd polynomial, atan(q) to 8e-8 for q from 0 to 1
-    0.9999998977538576, -0.33331959724324617, 0.1996923539479917, -0.14016585042087332,
-    0.09906096896068989, -0.05936710078921716, 0.024166189522201037, -0.0046687733076170145,
+_ATAN = (  # of an odd polynomial, atan(q) to 8e-8 for q from 0 to 1, in single precision
+    np.float32(0.9999998977538576), np.float32(-0.33331959724324617), np.float32(0.1996923539479917),
+    np.float32(-0.14016585042087332), np.float32(0.09906096896068989), np.float32(-0.05936710078921716),
+    np.float32(0.024166189522201037), np.float32(-0.0046687733076170145),
 )  # fmt: skip
+_TINY, _QUARTER, _HALF_TURN = np.float32(1e-30), np.float32(math.pi / 2), np.float32(math.pi)
 _BLOCK = 256  # points that are processed together
-_NEAR = 1e-4  # bins to the next bin, within which the polynomial's angle is not sure of the bin
+_NEAR = 2e-3  # bins to the next bin, within which the angle in single precision is not sure of the bin
 
 
 @njit(inline="always")
@@ -206,25 +208,41 @@ def tiles(cell_keys, width):
 
 @njit(inline="always")
 def _angle(y, x):
-    """Angle of (x, y) to 8e-8 rad, several times faster than atan2."""
+    """Angle of (x, y), float32, to 5e-7 rad, many times faster than atan2."""
     across, along = abs(y), abs(x)
     steep = across > along  # selections in place of branches, which directions of points would mispredict
-    q = (along if steep else across) / ((across if steep else along) + 1e-300)
+    q = (along if steep else across) / ((across if steep else along) + _TINY)
     s = q * q
     high = _ATAN[4] + s * (_ATAN[5] + s * (_ATAN[6] + s * _ATAN[7]))
     angle = q * (_ATAN[0] + s * (_ATAN[1] + s * (_ATAN[2] + s * (_ATAN[3] + s * high))))
-    angle = 0.5 * math.pi - angle if steep else angle
-    angle = math.pi - angle if x < 0.0 else angle
-    return -angle if y < 0.0 else angle
+    angle = _QUARTER - angle if steep else angle
+    angle = _HALF_TURN - angle if x < 0 else angle
+    return -angle if y < 0 else angle
+
+
+@njit(error_model="numpy")
+def _directions(points, count, rows, columns, places):
+    """Write row (0 = straight up) and column of `count` directions (3, B) in a range image of the whole sphere.
+
+    The `places` (2, B) are not rounded down; those next to the border of a bin are not sure, see `_bin`. In single
+    precision, without branches and checks, eight directions are computed at once.
+    """
+    half = np.float32(0.5)
+    row_step, column_step = np.float32(rows / math.pi), np.float32(columns / (2 * math.pi))
+    top, left = half * np.float32(rows), half * np.float32(columns)
+    for k in range(count):
+        x, y, z = np.float32(points[0, k]), np.float32(points[1, k]), np.float32(points[2, k])
+        rho = np.sqrt(x * x + y * y)
+        places[0, k] = top - _angle(z, rho) * row_step
+        places[1, k] = left + _angle(y, x) * column_step
 
 
 @njit(inline="always")
-def _bin(x, y, z, rows, columns):
-    """Row (0 = straight up) and column of a direction in a range image of the whole sphere."""
-    rho = math.sqrt(x * x + y * y)
-    row, column = (0.5 - _angle(z, rho) / math.pi) * rows, (0.5 + _angle(y, x) / (2 * math.pi)) * columns
+def _bin(x, y, z, row, column, rows, columns):
+    """Row and column of the bin of a direction, from its place."""
+    row, column = np.float64(row), np.float64(column)
     if not _NEAR < row - math.floor(row) < 1.0 - _NEAR:
-        row = (0.5 - math.atan2(z, rho) / math.pi) * rows
+        row = (0.5 - math.atan2(z, math.sqrt(x * x + y * y)) / math.pi) * rows
     if not _NEAR < column - math.floor(column) < 1.0 - _NEAR:
         column = (0.5 + math.atan2(y, x) / (2 * math.pi)) * columns
     return min(int(row), rows - 1), int(column) if column < columns else 0
@@ -234,15 +252,22 @@ def _bin(x, y, z, rows, columns):
 def range_image(xyz, measured, rows, columns):
     """Compute the range of the nearest `measured` (N,) return [cm] in each bin, (rows, columns) uint16, 0 for none."""
     image = np.zeros((rows, columns), np.uint16)
-    for i in range(len(xyz)):
-        x, y, z = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
-        reach = math.sqrt(x * x + y * y + z * z)
-        if not (measured[i] and reach > 0.0 and math.isfinite(reach)):
-            continue
-        row, column = _bin(x, y, z, rows, columns)
-        centimetres = max(1, min(int(100.0 * reach), 65535))
-        if image[row, column] == 0 or centimetres < image[row, column]:
-            image[row, column] = centimetres
+    points, places = np.zeros((3, _BLOCK)), np.empty((2, _BLOCK), np.float32)
+    for begin in range(0, len(xyz), _BLOCK):
+        count = min(_BLOCK, len(xyz) - begin)
+        for k in range(count):
+            for axis in range(3):
+                points[axis, k] = xyz[begin + k, axis]
+        _directions(points, count, rows, columns, places)
+        for k in range(count):
+            x, y, z = points[0, k], points[1, k], points[2, k]
+            reach = math.sqrt(x * x + y * y + z * z)
+            if not (measured[begin + k] and reach > 0.0 and math.isfinite(reach)):
+                continue
+            row, column = _bin(x, y, z, places[0, k], places[1, k], rows, columns)
+            centimetres = max(1, min(int(100.0 * reach), 65535))
+            if image[row, column] == 0 or centimetres < image[row, column]:
+                image[row, column] = centimetres
     return image
 
 
@@ -254,28 +279,26 @@ def nearest_around(image, gap):
     columns. The result is 0 for bins that are neither on a ring nor between two.
     """
     rows, columns = image.shape
-    nearest = np.full((rows, columns), np.inf, np.float32)
-    known = np.zeros((rows, columns), np.bool_)
-    for column in range(columns):
-        for row in range(rows):
-            near, sides = np.inf, 0
-            if image[row, column] > 0:
-                near, sides = 0.01 * image[row, column], 2
-            for direction in (-1, 1):
-                for step in range(1, gap + 1):
-                    other = row + direction * step
-                    if other < 0 or other >= rows:
-                        break
-                    if image[other, column] > 0:
-                        near, sides = min(near, 0.01 * image[other, column]), sides + 1
-                        break
-            nearest[row, column], known[row, column] = near, sides >= 2
+    nearest = np.full((rows, columns), 1 << 16, np.int32)  # [cm]
+    sides = np.zeros((rows, columns), np.int8)
+    for upwards in (False, True):  # the last return so far in each column
+        last, row_of_last = np.zeros(columns, np.int32), np.full(columns, -rows, np.int32)
+        for step in range(rows):
+            row = rows - 1 - step if upwards else step
+            for column in range(columns):
+                if step - row_of_last[column] <= gap:
+                    nearest[row, column] = min(nearest[row, column], last[column])
+                    sides[row, column] += 1
+                if image[row, column] > 0:
+                    last[column], row_of_last[column] = image[row, column], step
+                    nearest[row, column] = min(nearest[row, column], last[column])
+                    sides[row, column] = 2
     out = np.zeros((rows, columns), np.float32)
     for row in range(rows):
         for column in range(columns):
-            if known[row, column]:
+            if sides[row, column] >= 2:
                 adjacent = min(nearest[row, column - 1], nearest[row, (column + 1) % columns])
-                out[row, column] = min(nearest[row, column], adjacent)
+                out[row, column] = 0.01 * min(nearest[row, column], adjacent)
     return out
 
 
@@ -287,19 +310,35 @@ def pass_through(nearest, first_row, rows, T_lidar_world, reach, margin, share, 
     passed a point if all returns around its direction are farther by more than `margin` [m] + `share` of the distance.
     The points are sorted by tile; those of tile t, from starts[t] to stops[t], are checked.
     """
-    T, columns = T_lidar_world, nearest.shape[1]
+    columns, points, places = nearest.shape[1], np.zeros((3, _BLOCK)), np.empty((2, _BLOCK), np.float32)
+    numbers = np.empty(_BLOCK, np.int64)
     for tile in range(len(starts)):
-        for at in range(starts[tile], stops[tile]):
-            wx, wy, wz = xyz[at, 0], xyz[at, 1], xyz[at, 2]
-            x = T[0, 0] * wx + T[0, 1] * wy + T[0, 2] * wz + T[0, 3]
-            y = T[1, 0] * wx + T[1, 1] * wy + T[1, 2] * wz + T[1, 3]
-            z = T[2, 0] * wx + T[2, 1] * wy + T[2, 2] * wz + T[2, 3]
-            squared = x * x + y * y + z * z
-            if squared > reach * reach:
-                continue
-            row, column = _bin(x, y, z, rows, columns)
-            row -= first_row
-            if row < 0 or row >= len(nearest):
-                continue
-            if nearest[row, column] > math.sqrt(squared) * (1.0 + share) + margin:
-                passes[at] = min(passes[at] + 1, 65535)
+        for begin in range(starts[tile], stops[tile], _BLOCK):
+            count = min(_BLOCK, stops[tile] - begin)
+            count = _within(xyz, begin, count, T_lidar_world, reach, points, numbers)
+            _directions(points, count, rows, columns, places)
+            for k in range(count):
+                x, y, z = points[0, k], points[1, k], points[2, k]
+                row, column = _bin(x, y, z, places[0, k], places[1, k], rows, columns)
+                row -= first_row
+                if row < 0 or row >= len(nearest):
+                    continue
+                if nearest[row, column] > math.sqrt(x * x + y * y + z * z) * (1.0 + share) + margin:
+                    passes[numbers[k]] = min(passes[numbers[k]] + 1, 65535)
+
+
+@njit
+def _within(xyz, begin, count, T, reach, points, numbers):
+    """Write those of `count` points (C, 3) from `begin` on that `T` (4, 4) moves to within `reach` of the origin.
+
+    They are written to `points` (3, B), transformed, and their `numbers` (B,). Returns how many there are.
+    """
+    found = 0
+    for i in range(begin, begin + count):
+        wx, wy, wz = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        x = T[0, 0] * wx + T[0, 1] * wy + T[0, 2] * wz + T[0, 3]
+        y = T[1, 0] * wx + T[1, 1] * wy + T[1, 2] * wz + T[1, 3]
+        z = T[2, 0] * wx + T[2, 1] * wy + T[2, 2] * wz + T[2, 3]
+        points[0, found], points[1, found], points[2, found], numbers[found] = x, y, z, i
+        found += x * x + y * y + z * z <= reach * reach
+    return found
