@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
+
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.machine import trim_memory
 from slam.gathering import Completed, Gatherer
@@ -19,9 +21,9 @@ from slam.journal.state import Frozen, freeze
 from slam.journal.tables import KEYFRAME
 from slam.loops.closing import LoopSearch
 from slam.mapping.global_map import build_map
-from slam.mapping.keyframes import FirstKeyframes, Keyframes
-from slam.mapping_record import MappingRecord, add_edges, kept_keyframes, places
-from slam.mapping_result import LoopProgress, MappingResult, corrected_poses
+from slam.mapping.keyframes import Keyframes, SomeKeyframes
+from slam.mapping_record import MappingRecord, add_edges, kept_keyframes, restore_places
+from slam.mapping_result import LoopProgress, MappingResult, corrected_poses, mapped
 from slam.odometry import OdometryStep
 from slam.segments import segment_starts
 from slam.settings import Config
@@ -54,7 +56,7 @@ class Mapper:
         kept = kept_keyframes(self.journal.file) if self.journal and state else []
         self._keyframes = Keyframes(self.config.keyframes, self._record, kept)
         self._gatherer = Gatherer(self.config, self._keyframes)
-        self._search, self._back_end = LoopSearch(self.config.loops), BackEnd()
+        self._search, self._back_end = LoopSearch(self.config.loops, self.config.keyframes), BackEnd()
         self._gathering, self._searching = (ThreadPoolExecutor(1, name) for name in ("gathering", "loops"))
         self._scans: deque[Future[None]] = deque()
         self._searches: deque[Future[None]] = deque()
@@ -130,8 +132,9 @@ class Mapper:
         if self._record:
             self._record.result(poses, ledger)
         trim_memory()
-        world = build_map(self._keyframes, poses, self.config.map)
-        return MappingResult(poses, self._keyframes, ledger, self._back_end.graph(), world)
+        world = build_map(*mapped(self._keyframes, poses, self._back_end), self.config.map)
+        known = np.array(list(self._back_end.known), int)
+        return MappingResult(poses, self._keyframes, ledger, self._back_end.graph(), world, known)
 
     def _submit(self, task: Callable[..., None], *arguments: Any) -> None:
         """Queue a task of the first thread; wait while too many are queued."""
@@ -163,22 +166,24 @@ class Mapper:
             if self._record:
                 self._record.edge(self._back_end.odometry[-1])
         graph, loops = time.perf_counter() - begin, 0.0
-        keyframes = FirstKeyframes(self._keyframes, completed.count)
-        travelled, before = self._keyframes.travelled[: completed.count], len(self._closed)
+        keyframes = SomeKeyframes(self._keyframes, range(completed.count))
+        travelled, before = self._keyframes.travelled_at, len(self._closed)
         while self.config.loops.enabled and len(self._search) < completed.count:
-            if travelled[len(self._search)] + completed.radius > travelled[-1]:
+            if travelled(len(self._search)) + completed.radius > travelled(completed.count - 1):
                 break
             begin = time.perf_counter()
             found = self._search.next(keyframes)
             loops += time.perf_counter() - begin
             begin = time.perf_counter()
+            known = self._search.descriptor is None
             if self._record:
-                self._record.place(travelled[len(self._search) - 1], self._search.descriptor)
+                self._record.place(travelled(len(self._search) - 1), self._search.descriptor)
             for candidate, verification in found:
                 if self._record:
                     self._record.loop(candidate, verification)
                 if verification.accepted:
-                    self._back_end.add_loop(candidate, verification.covariance)
+                    add = self._back_end.add_known if known else self._back_end.add_loop
+                    add(candidate, verification.covariance)
                     self._closed.append((candidate.i, candidate.j))
                 else:
                     self._back_end.reject(candidate, verification.reason)
@@ -225,10 +230,10 @@ class Mapper:
     def _restore(self, journal: Journal, state: Mapping[str, Any]) -> None:
         """Continue from a snapshot."""
         self._gatherer.restore(state["gathered"])
-        self._search.restore(*places(journal.file, self.config))
+        restore_places(journal.file, self.config, self._keyframes.poses, self._search)
         add_edges(journal.file, self._back_end)
-        edges = self._back_end.graph().edges[len(self._back_end.odometry) :]
-        self._closed = [(edge.i, edge.j) for edge in edges]
+        accepted = (record for record in self._back_end.ledger() if record.status == "accepted")
+        self._closed = [(record.candidate.i, record.candidate.j) for record in accepted]
         self._laps = state["mapper"]["laps"]
         self._completed.extend(state["mapper"]["completed"])  # closed with the next keyframe
         self._count = len(self._keyframes) - len(self._completed)

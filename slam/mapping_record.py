@@ -16,6 +16,7 @@ from slam.graph.pose_graph import Edge
 from slam.journal.journal import Journal
 from slam.journal.session_file import REMEDY, SessionFile
 from slam.journal.tables import DECISION, EDGE, KEYFRAME, LOOP, OPTIMISED, PLACE, RowError, array_of, text_of
+from slam.loops.closing import LoopSearch
 from slam.loops.verification import Verification
 from slam.settings import Config
 
@@ -38,9 +39,9 @@ class MappingRecord:
         """Write an odometry edge."""
         self.journal.append(EDGE, edge.i, edge.j, text_of(edge.pose), text_of(edge.covariance))
 
-    def place(self, travelled: float, descriptor: Array) -> None:
-        """Write the descriptor (rings, sectors) of the next keyframe."""
-        self.journal.append(PLACE, float(travelled), descriptor.astype("<f4").tobytes())
+    def place(self, travelled: float, descriptor: Array | None) -> None:
+        """Write the descriptor (rings, sectors) of the next keyframe, None at a known place."""
+        self.journal.append(PLACE, float(travelled), b"" if descriptor is None else descriptor.astype("<f4").tobytes())
 
     def loop(self, loop: LoopCandidate, verification: Verification) -> None:
         """Write a candidate with its verification."""
@@ -74,22 +75,32 @@ def kept_keyframes(file: SessionFile) -> list[tuple[int, Array, float]]:
     return kept
 
 
-def places(file: SessionFile, config: Config) -> tuple[Array, Array]:
-    """Return the descriptors (P, rings, sectors) of the searched keyframes, and their travelled distances (P,) [m].
+def restore_places(file: SessionFile, config: Config, poses: Array, search: LoopSearch) -> None:
+    """Add the places of all searched keyframes to a search.
+
+    Args:
+        file: The session.
+        config: The settings.
+        poses: (K, 4, 4) T_world_keyframe by the odometry.
+        search: The search.
 
     Raises:
         InputError: A row is damaged.
     """
     shape = config.loops.scan_context.rings, config.loops.scan_context.sectors
     travelled: list[float] = []
-    descriptors: list[Array] = []
+    descriptors: list[Array | None] = []
     for distance, block in file.rows(PLACE):
-        values = np.frombuffer(block, "<f4") if len(block) == 4 * shape[0] * shape[1] else np.full(1, np.nan)
+        values = np.frombuffer(block, "<f4") if len(block) in (0, 4 * shape[0] * shape[1]) else np.full(1, np.nan)
         if not np.isfinite(values).all() or (travelled and not distance >= travelled[-1]):
             raise InputError(f"{file.path}: damaged (place {len(travelled)}); {REMEDY}")
         travelled.append(distance)
-        descriptors.append(values.reshape(shape))
-    return np.array(descriptors, np.float32).reshape(-1, *shape), np.array(travelled, float)
+        descriptors.append(values.reshape(shape) if block else None)
+    try:
+        loops = {loop.j: (loop.i, loop.pose) for loop, _, reason in _loops(file, len(poses) - 1) if not reason}
+        search.restore(descriptors, poses, travelled, loops)
+    except (ValueError, LookupError) as error:
+        raise InputError(f"{file.path}: damaged ({error}); {REMEDY}") from error
 
 
 def add_edges(file: SessionFile, back_end: BackEnd) -> None:
@@ -100,7 +111,8 @@ def add_edges(file: SessionFile, back_end: BackEnd) -> None:
     """
     try:
         edges = [Edge(i, j, array_of(pose, 4, 4), array_of(P, 6, 6)) for i, j, pose, P in file.rows(EDGE)]
-        back_end.restore(edges, list(_loops(file, len(edges))))
+        known = {number for number, (_, block) in enumerate(file.rows(PLACE)) if block == b""}
+        back_end.restore(edges, list(_loops(file, len(edges))), known)
     except ValueError as error:  # RowError is one
         raise InputError(f"{file.path}: damaged ({error}); {REMEDY}") from error
 

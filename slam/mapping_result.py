@@ -10,9 +10,10 @@ import numpy as np
 
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
+from slam.graph.back_end import BackEnd
 from slam.graph.ledger import LoopRecord
 from slam.graph.pose_graph import PoseGraph
-from slam.mapping.keyframes import Keyframes
+from slam.mapping.keyframes import Keyframes, SomeKeyframes
 from slam.segments import segment_starts, segments_note, unjoined
 
 
@@ -26,6 +27,7 @@ class MappingResult:
         ledger: Records of all loop candidates.
         graph: Optimised poses, odometry edges and accepted loop edges.
         map: Map from the optimised poses, without moving objects.
+        known: Keyframes at known places, which are not in the map; their poses are those of their loops.
     """
 
     poses: Array
@@ -33,6 +35,7 @@ class MappingResult:
     ledger: list[LoopRecord]
     graph: PoseGraph
     map: PointCloud
+    known: Array
 
     @property
     def loops(self) -> int:
@@ -110,3 +113,15 @@ def corrected_poses(
     before, after, share = se3.neighbours(indices, np.arange(len(poses)))
     start, end = (optimised[near] @ (se3.inverse(keyframes[near]) @ poses) for near in (before, after))
     return se3.blend(start, end, share)
+
+
+def mapped(keyframes: Keyframes, poses: Array, back_end: BackEnd) -> tuple[SomeKeyframes, Array]:
+    """Return the keyframes that the map is built from, with their poses: all but those at known places.
+
+    Args:
+        keyframes: All keyframes.
+        poses: (K, 4, 4) T_world_keyframe.
+        back_end: Knows the places.
+    """
+    positions = [number for number in range(len(poses)) if number not in back_end.known]
+    return SomeKeyframes(keyframes, positions), poses[positions]

@@ -18,7 +18,7 @@ from slam.journal.session_file import REMEDY, SessionFile
 from slam.mapping.global_map import build_map
 from slam.mapping.keyframes import Keyframe, Keyframes
 from slam.mapping_record import add_edges, kept_keyframes
-from slam.mapping_result import corrected_poses
+from slam.mapping_result import corrected_poses, mapped
 from slam.segments import segment_starts
 from slam.session import SESSION, UNFINISHED
 from slam.settings import Config
@@ -32,7 +32,7 @@ class Recovered:
         stamps: (N,) [s].
         poses: (N, 4, 4) T_world_lidar, corrected by the loops.
         T_camera0_lidar: (4, 4), None if it is unknown.
-        keyframes: The complete keyframes.
+        keyframes: The complete keyframes, without those at known places.
         keyframe_poses: (K, 4, 4) T_world_keyframe.
         config: The settings of the run.
     """
@@ -88,7 +88,7 @@ def recovered(path: Path) -> Recovered:
         starts = keyframes.indices[segment_starts(back_end.odometry)].tolist()
         poses = corrected_poses(poses, keyframes.indices, own, optimised, starts)
     stamps = np.array([record.stamp for record in records])
-    return Recovered(stamps, poses, T_camera0_lidar, keyframes, optimised, config)
+    return Recovered(stamps, poses, T_camera0_lidar, *mapped(keyframes, optimised, back_end), config)
 
 
 @dataclass(frozen=True)

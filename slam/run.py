@@ -168,7 +168,8 @@ class Run:
         starts = keyframes[places].tolist()
         errors = self._motion_errors(starts)
         errors.drift[starts] = GAP_COVARIANCE
-        covariances = frame_covariances(poses, errors, keyframes, graph)
+        known = set(self.mapping.known.tolist()) if self.mapping else set()
+        covariances = frame_covariances(poses, errors, keyframes, graph, known)
         for segment in unjoined(places, graph.edges[motions:]):
             begin, end = starts[segment - 1], [*starts, len(poses)][segment]
             for frame in range(begin, end):

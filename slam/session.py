@@ -310,11 +310,12 @@ def _report(run: Run) -> dict[str, Any]:
 
 
 def _loops(run: Run) -> dict[str, int]:
-    """Numbers of keyframes, registered candidates and accepted loops."""
+    """Numbers of keyframes, of those at known places, of registered candidates and accepted loops."""
     if run.mapping is None:
         return {}
     mapping = run.mapping
-    return {"keyframes": len(mapping.keyframes), "candidates": len(mapping.ledger), "accepted": mapping.loops}
+    counts = {"keyframes": len(mapping.keyframes), "known": len(mapping.known)}
+    return {**counts, "candidates": len(mapping.ledger), "accepted": mapping.loops}
 
 
 def _percentile(values: Array, q: float) -> float:

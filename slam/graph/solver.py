@@ -163,13 +163,16 @@ class Incremental:
         self._odometry, self._loops, self._method = list(odometry), list(loops), "CHOLESKY"
         self._begin(poses)
 
-    def add_odometry(self, edge: Edge) -> None:
-        """Add an odometry edge and the pose where it ends."""
-        guess = gtsam.Values()
-        guess.insert(edge.j, self._isam.calculateEstimatePose3(edge.i).compose(gtsam.Pose3(edge.pose)))
-        new = factors([edge])
-        self._odometry.append(edge)
-        self._update(new, guess)
+    def add_odometry(self, edges: Sequence[Edge]) -> None:
+        """Add successive odometry edges, each with the pose where it ends."""
+        if not edges:
+            return
+        guess, pose = gtsam.Values(), self._isam.calculateEstimatePose3(edges[0].i)
+        for edge in edges:
+            pose = pose.compose(gtsam.Pose3(edge.pose))
+            guess.insert(edge.j, pose)
+        self._odometry.extend(edges)
+        self._update(factors(edges), guess)
 
     def add_loop(self, edge: Edge) -> None:
         """Add a loop edge between existing poses."""
@@ -178,9 +181,10 @@ class Incremental:
         self._update(new, gtsam.Values())
         self._update(gtsam.NonlinearFactorGraph(), gtsam.Values())  # the kernel's weight, with the new poses
 
-    def loop_weight(self, distance: float) -> float:
+    @classmethod
+    def loop_weight(cls, distance: float) -> float:
         """Return the weight, 0 to 1, of a loop at a Mahalanobis distance."""
-        return float(self.KERNEL.weight(distance))
+        return float(cls.KERNEL.weight(distance))
 
     def poses(self) -> Array:
         """Return the current poses (N, 4, 4)."""

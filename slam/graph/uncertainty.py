@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from slam.data import se3
 from slam.data.cloud import Array
+from slam.graph.chain import Chain
 from slam.graph.drift import MotionErrors
 from slam.graph.pose_graph import Edge, PoseGraph, disagreement, odometry_poses, reversed_edge, symmetric
 from slam.graph.solver import pose_covariances
@@ -20,7 +21,9 @@ MAX_VARIANCE = 4.0
 RIDGE = 1e-18 * np.eye(6)  # rad², m²: two scans at one place have a motion without error, whose inverse is needed
 
 
-def frame_covariances(poses: Array, errors: MotionErrors, keyframes: Array, graph: PoseGraph) -> Array:
+def frame_covariances(
+    poses: Array, errors: MotionErrors, keyframes: Array, graph: PoseGraph, known: Collection[int] = ()
+) -> Array:
     """Compute the covariances (N, 6, 6) of the poses of frames relative to the first frame, each in its own axes.
 
     The local map at a keyframe has its marginal covariance in a graph of the drift and the loops. Between two keyframes
@@ -33,6 +36,7 @@ def frame_covariances(poses: Array, errors: MotionErrors, keyframes: Array, grap
         errors: Of the frames' motions.
         keyframes: (K,) frames of the keyframes, increasing.
         graph: Their K poses at the optimum; K - 1 odometry edges, of which the measured poses count, and the loops.
+        known: Keyframes, by their number, that only their loops place.
 
     Returns:
         The covariances, zero for frame 0.
@@ -46,7 +50,7 @@ def frame_covariances(poses: Array, errors: MotionErrors, keyframes: Array, grap
         scale = drift_scale(edges, loops)
         motions, edges = scale * motions, [replace(edge, covariance=scale * edge.covariance) for edge in edges]
         _chain(covariances, motions, steps, range(1, first + 1))
-        own, cross = pose_covariances([*(_clipped(edge) for edge in edges), *loops], graph.poses)
+        own, cross = pose_covariances([*(_clipped(edge) for edge in _without(edges, known)), *loops], graph.poses)
         to_first = [se3.adjoint(se3.inverse(poses[frame]) @ poses[first]) for frame in keyframes]
         start = covariances[first].copy()
         for k, (frame, Ad) in enumerate(zip(keyframes, to_first, strict=True)):
@@ -103,6 +107,14 @@ def _drift_edges(odometry: Sequence[Edge], drift: Array, steps: list[Array], key
             covariance = steps[frame] @ covariance @ steps[frame].T + drift[frame]
         edges.append(replace(edge, covariance=symmetric(covariance)))
     return edges
+
+
+def _without(odometry: Sequence[Edge], known: Collection[int]) -> list[Edge]:
+    """The odometry between the poses that are not known, in one edge from each to the next."""
+    chain = Chain()
+    for edge in odometry:
+        chain.add(edge, skip=edge.j in known)
+    return [replace(edge, i=chain.nodes[edge.i], j=chain.nodes[edge.j]) for edge in chain.edges]
 
 
 def _chain(covariances: Array, motions: Array, steps: list[Array], frames: range) -> None:

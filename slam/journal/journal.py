@@ -161,9 +161,11 @@ class Journal:
         Raises:
             InputError: They could not be written.
         """
+        self.check()
         done = threading.Event()
         self._queue.put(done)
-        done.wait()
+        while not done.wait(COMMIT_EVERY) and self._thread.is_alive():
+            pass  # the journal may be closed meanwhile
         self.check()
 
     def close(self) -> None:

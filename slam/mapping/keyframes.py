@@ -156,6 +156,10 @@ class Keyframes(Sequence[Keyframe]):
         """Travelled distances (K,) [m]."""
         return np.array([travelled for _, _, travelled in self._kept], float)
 
+    def travelled_at(self, position: int) -> float:
+        """Return the travelled distance [m] of one keyframe."""
+        return self._kept[position][2]
+
     def begins(self, pose: Array) -> bool:
         """Check whether a scan at this pose (4, 4) T_world_lidar begins a new keyframe."""
         if self._begun is None:
@@ -165,16 +169,16 @@ class Keyframes(Sequence[Keyframe]):
         return bool(moved >= self.settings.distance or turned >= self.settings.angle_deg)
 
 
-class FirstKeyframes(Sequence[Keyframe]):
-    """The first keyframes of a run, as they were before there were more.
+class SomeKeyframes(Sequence[Keyframe]):
+    """Some keyframes of a run, such as the first ones, as they were before there were more.
 
     Args:
         keyframes: All keyframes.
-        count: Number of the first ones.
+        positions: The positions of these.
     """
 
-    def __init__(self, keyframes: Keyframes, count: int) -> None:
-        self._keyframes, self._positions = keyframes, range(count)
+    def __init__(self, keyframes: Sequence[Keyframe], positions: Sequence[int]) -> None:
+        self._keyframes, self._positions = keyframes, positions
 
     def __len__(self) -> int:
         return len(self._positions)

@@ -98,6 +98,18 @@ def distance(poses: Array, truth: Array) -> Array:
     return np.linalg.norm(poses[:, :3, 3] - truth[:, :3, 3], axis=1)
 
 
+def test_known_places_only_get_poses(scans: list[PointCloud], mapping: MappingResult) -> None:
+    """On the way again along the first side, no keyframe but the ends of the revisit is in the map."""
+    truth, found = way(), mapped(scans, drifting(way()), "keyframes.max_visits=1")
+    assert len(mapping.known) == 0
+    assert len(found.known) >= 3
+    assert found.known.min() > 4 * SIDE / STEP
+    assert len(found.keyframes) == len(mapping.keyframes)
+    assert distance(found.corrected(drifting(truth)), truth).max() < 0.5
+    assert {record.reason for record in found.ledger if record.candidate.j in found.known} == {"known place"}
+    assert found.loops == mapping.loops
+
+
 def test_a_loop_removes_drift(mapping: MappingResult) -> None:
     truth = way()
     odometry = drifting(truth)

@@ -158,9 +158,10 @@ def test_a_stamp_that_is_not_finite_is_an_error(frames: list[Frame], stamp: floa
         it.add(replace(frames[0], stamp=stamp))
 
 
-def journaled(frames: list[Frame], journal: Journal | None, stop: int | None = None) -> Run:
-    """The run over the frames, with a journal; `stop` leaves at that frame."""
-    config = load_config(None, ["loops.scan_context.min_travelled_distance=60", "keyframes.memory_mb=0.1"])
+def journaled(frames: list[Frame], journal: Journal | None, stop: int | None = None, visits: int = 2) -> Run:
+    """The run over the frames, with a journal; `stop` leaves at that frame, places are known after `visits`."""
+    overrides = ["loops.scan_context.min_travelled_distance=60", "keyframes.memory_mb=0.1"]
+    config = load_config(None, [*overrides, f"keyframes.max_visits={visits}"])
     steps = RecordedSteps(Drifting().poses, 0.1, 0.0)
     with Slam(config, odometry=steps, journal=journal) as it:
         for frame in frames[len(it.result.records) : stop]:
@@ -170,26 +171,29 @@ def journaled(frames: list[Frame], journal: Journal | None, stop: int | None = N
         return it.finish()
 
 
+@pytest.mark.parametrize("visits", [1, 2])
 def test_a_run_that_is_resumed_again_and_again_has_the_same_bits(
-    frames: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    frames: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, visits: int
 ) -> None:
     """Equal bits: two runs of the same code."""
     monkeypatch.setattr(journals, "SNAPSHOT_EVERY", 0.0)
-    whole = journaled(frames, None)
+    whole = journaled(frames, None, visits=visits)
     about = {"settings": whole.config.model_dump(mode="json"), "input": {"T_camera0_lidar": None}}
     Journal.begin(tmp_path / "s", about).close()
-    for stop in (1, 30, 31, 95, 104):
+    for stop in (1, 30, 31, 95, 104, 109):
         begin = Journal.resume if journals.has_snapshot(tmp_path / "s") else lambda folder: Journal.begin(folder, about)
         with begin(tmp_path / "s") as journal, suppress(KeyboardInterrupt):
-            journaled(frames, journal, stop)
+            journaled(frames, journal, stop, visits)
         if stop == 30:
             with Journal.resume(tmp_path / "s") as journal:
                 assert 0 < journal.counts()["frame"] <= 30
     with Journal.resume(tmp_path / "s") as journal:
-        resumed = journaled(frames, journal)
+        resumed = journaled(frames, journal, visits=visits)
         assert whole.mapping is not None
         assert resumed.mapping is not None
         assert whole.mapping.loops > 0
+        assert (len(whole.mapping.known) > 0) == (visits == 1)
+        assert resumed.mapping.known.tolist() == whole.mapping.known.tolist()
         assert resumed.poses.tobytes() == whole.poses.tobytes()
         assert resumed.map.xyz.tobytes() == whole.map.xyz.tobytes()
         assert resumed.map.intensity.tobytes() == whole.map.intensity.tobytes()

@@ -125,6 +125,61 @@ def test_later_loops_are_selected_jointly_with_earlier_ones() -> None:
     assert len(back_end.graph().edges) == len(odometry) + len(TRUE)
 
 
+def _with_known(odometry: list[Edge], loops: list[Edge], known: range) -> BackEnd:
+    """Fed with loops, of which those to poses in `known` are at known places."""
+    back_end = BackEnd()
+    for edge in odometry:
+        back_end.add_odometry(edge.pose, edge.covariance)
+        for loop in loops:
+            if loop.j == edge.j:
+                add = back_end.add_known if loop.j in known else back_end.add_loop
+                add(LoopCandidate(loop.i, loop.j, loop.pose), loop.covariance)
+    return back_end
+
+
+def test_poses_at_known_places_are_given_by_their_loops() -> None:
+    truth, odometry = _circle(3 * LAP)
+    rng = np.random.default_rng(5)
+    loops = [
+        Edge(j % LAP, j, _noisy(se3.inverse(truth[j % LAP]) @ truth[j], LOOP, rng), LOOP) for j in range(LAP, 3 * LAP)
+    ]
+    known = range(2 * LAP, 3 * LAP)
+    back_end = _with_known(odometry, loops, known)
+    assert sorted(back_end.known) == list(known[:-1])  # the last one ties what would come next
+    assert _rms(back_end.poses(), truth) < 0.5 * _rms(odometry_poses(odometry, np.eye(4)), truth)
+    back_end.settle()
+    poses = back_end.poses()
+    np.testing.assert_allclose(poses[2 * LAP + 5], poses[5] @ loops[LAP + 5].pose, atol=1e-9)
+    assert _rms(poses, truth) < 0.5 * _rms(odometry_poses(odometry, np.eye(4)), truth)
+    assert len(back_end.graph().edges) == len(odometry) + len(loops)
+    assert {record.status for record in back_end.ledger()} == {"accepted"}
+
+    again = BackEnd()
+    again.restore(odometry, [(LoopCandidate(e.i, e.j, e.pose), e.covariance, "") for e in loops], known)
+    again.settle()
+    assert again.poses().tobytes() == poses.tobytes()
+
+
+def test_what_follows_a_known_place_is_tied_to_it() -> None:
+    """New poses after a stretch of known ones follow from the last of these, not from the drift along the stretch."""
+    truth, odometry = _circle(3 * LAP)
+    loops = [Edge(j - LAP, j, se3.inverse(truth[j - LAP]) @ truth[j], LOOP) for j in range(LAP, 2 * LAP)]
+    back_end = _with_known(odometry, loops, range(LAP + 1, 2 * LAP))
+    back_end.settle()
+    after, error = range(2 * LAP, 2 * LAP + 5), np.linalg.norm((back_end.poses() - truth)[:, :3, 3], axis=1)
+    assert error[after].max() < 0.3
+    assert len(back_end.known) == LAP - 2
+
+
+@pytest.mark.parametrize(("i", "j"), [(LAP + 3, 2 * LAP - 1), (3, LAP + 5), (5, 20)])
+def test_a_loop_that_known_places_exclude_is_an_error(i: int, j: int) -> None:
+    truth, odometry = _circle()
+    loops = [Edge(k - LAP, k, se3.inverse(truth[k - LAP]) @ truth[k], LOOP) for k in range(LAP, LAP + 10)]
+    back_end = _with_known(odometry, loops, range(LAP + 1, LAP + 10))
+    with pytest.raises(ValueError, match=r"known place|part of the graph"):
+        back_end.add_known(LoopCandidate(i, j, STEP), LOOP)
+
+
 def test_without_loops_the_poses_are_the_odometry() -> None:
     _, odometry = _circle()
     back_end = _fed(odometry, [])

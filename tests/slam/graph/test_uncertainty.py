@@ -94,3 +94,17 @@ def test_a_loop_makes_poses_surer_and_every_covariance_stays_positive() -> None:
     assert all(np.linalg.eigvalsh(covariance)[0] > 0 for covariance in closed[1:])
     assert all(np.linalg.eigvalsh(before - after)[0] > -1e-9 for before, after in zip(open_, closed, strict=True))
     assert np.trace(closed[37]) < 0.2 * np.trace(open_[37])
+
+
+def test_a_known_keyframe_is_as_sure_as_its_loop_and_the_place_it_joins() -> None:
+    """Keyframes 3 and 4 are at known places: the way along them tells the later ones nothing."""
+    motions = _motions()
+    edges = _frame_edges(motions)
+    poses = odometry_poses(edges, np.eye(4))
+    graph = _keyframe_graph(edges, poses, KEYFRAMES, [(1, 5), (0, 3), (1, 4)])
+    found = frame_covariances(poses, accumulating(motions), KEYFRAMES, graph, known={3, 4})
+    whole = frame_covariances(poses, accumulating(motions), KEYFRAMES, graph)
+    assert np.diag(found[11]) == pytest.approx(np.diag(LOOP), rel=1e-3)  # keyframe 0 is exact
+    assert all(np.linalg.eigvalsh(covariance)[0] > 0 for covariance in found[1:])
+    assert (np.trace(found[KEYFRAMES], axis1=1, axis2=2) >= 0.999 * np.trace(whole[KEYFRAMES], axis1=1, axis2=2)).all()
+    assert np.trace(found[15]) < np.trace(found[11]) + np.trace(motions[12:16].sum(axis=0))
