@@ -85,9 +85,10 @@ def _drawn(cloud: PointCloud, trajectory: Array, low: Array, pixel: float, width
     shown = _shown(cloud, low, pixel, width, height)
     for start in range(0, len(shown), AT_ONCE):
         points = cloud.select(shown[start : start + AT_ONCE])
-        column, row = ((points.xyz[:, :2] - low) / pixel).astype(np.int64).T
-        picture[row * width + column] = _colours(points, heights)
-    return _without_holes(picture.reshape(height, width, 3))
+        picture[_pixels(points.xyz, low, pixel, width)] = _colours(points, heights)
+    empty = np.ones(height * width, bool)
+    empty[_pixels(cloud.xyz[shown], low, pixel, width)] = False
+    return _without_holes(picture.reshape(height, width, 3), empty.reshape(height, width))
 
 
 def _shown(cloud: PointCloud, low: Array, pixel: float, width: int, height: int) -> Array:
@@ -100,11 +101,19 @@ def _shown(cloud: PointCloud, low: Array, pixel: float, width: int, height: int)
     return highest[highest >= 0]
 
 
-def _without_holes(picture: Array) -> Array:
-    """Fill empty pixels from the one below or to the left: averaged points do not fall into every pixel."""
+def _pixels(xyz: Array, low: Array, pixel: float, width: int) -> Array:
+    """Numbers (N,) of the pixels of points (N, 3) inside the picture, row by row."""
+    column, row = ((xyz[:, :2] - low) / pixel).astype(np.int64).T
+    return np.asarray(row * width + column)
+
+
+def _without_holes(picture: Array, empty: Array) -> Array:
+    """Fill `empty` (H, W) pixels from the one below or to the left: averaged points do not fall into every pixel."""
     for axis in (0, 1):
-        empty = (picture == BACKGROUND).all(axis=2)
-        picture[empty] = np.roll(picture, 1, axis)[empty]
+        filled = empty & ~np.roll(empty, 1, axis)
+        row, column = filled.nonzero()
+        picture[row, column] = picture[row - (axis == 0), column - (axis == 1)]
+        empty = empty & ~filled
     return picture
 
 
