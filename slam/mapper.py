@@ -131,6 +131,7 @@ class Mapper:
         ledger, poses = self._back_end.ledger(), self._optimised()
         if self._record:
             self._record.result(poses, ledger)
+        del self._search  # the map is built in its memory
         trim_memory()
         world = build_map(*mapped(self._keyframes, poses, self._back_end), self.config.map)
         known = np.array(list(self._back_end.known), int)

@@ -188,6 +188,7 @@ class Slam:
                 self._pass_to_mapper(self._tracker.settle())
                 if self._record:
                     self._record.write_frames()
+                self._tracker.release()  # the map is built in its memory
                 self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
                 self._mapper.close()
                 self._report(self._progress.images.rest())

@@ -92,6 +92,11 @@ class Tracker:
         """End the beginning, as `Odometry.settle` does: no further scan follows."""
         return self._odometry.settle()
 
+    def release(self) -> None:
+        """Free the local map, the front end and the last clouds; no further scan follows."""
+        del self._odometry, self._front_end
+        self._recent.clear()
+
     def state(self) -> dict[str, Any]:
         """Return what later results depend on, for `restore`."""
         front_end = self._front_end.state() if isinstance(self._front_end, AdaptiveFrontEnd) else None
