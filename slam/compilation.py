@@ -92,7 +92,7 @@ def _of_mapping(config: Config) -> list[Callable[[], object]]:
 
     return [
         add,
-        lambda: search.next(keyframes),
+        lambda: search.next(keyframes, []),
         lambda: Verifier(config.loops.verification).verify(keyframes, 0, 0, np.eye(4)),
         lambda: build_map(keyframes, keyframes.poses, config.map),
     ]

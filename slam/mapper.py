@@ -168,17 +168,18 @@ class Mapper:
                 self._record.edge(self._back_end.odometry[-1])
         graph, loops = time.perf_counter() - begin, 0.0
         keyframes = SomeKeyframes(self._keyframes, range(completed.count))
-        travelled, before = self._keyframes.travelled_at, len(self._closed)
+        before = len(self._closed)
         while self.config.loops.enabled and len(self._search) < completed.count:
-            if travelled(len(self._search)) + completed.radius > travelled(completed.count - 1):
+            place = keyframes.place(len(self._search))
+            if place.travelled + completed.radius > keyframes.place(-1).travelled:
                 break
             begin = time.perf_counter()
-            found = self._search.next(keyframes)
+            found = self._search.next(keyframes, self._back_end.odometry)
             loops += time.perf_counter() - begin
             begin = time.perf_counter()
             known = self._search.descriptor is None
             if self._record:
-                self._record.place(travelled(len(self._search) - 1), self._search.descriptor)
+                self._record.place(place.travelled, self._search.descriptor)
             for candidate, verification in found:
                 if self._record:
                     self._record.loop(candidate, verification)

@@ -11,7 +11,6 @@ import json
 import resource
 import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,6 @@ from slam.data.dataset import Dataset, open_dataset
 from slam.data.folder import UserFolder
 from slam.data.pose_files import read_poses
 from slam.loops.closing import LoopSearch
-from slam.mapping.keyframes import Keyframe
 from slam.pipeline import Pipeline
 from slam.recorded_odometry import RecordedOdometry
 
@@ -41,15 +39,15 @@ def main() -> None:
     config, milliseconds, candidates = load_config(input=options.input), [], []
     search = LoopSearch.next
 
-    def timed(self: LoopSearch, keyframes: Sequence[Keyframe]) -> Any:
+    def timed(self: LoopSearch, *keyframes: Any) -> Any:  # and in newer versions the odometry
         begin = time.thread_time()
-        found = search(self, keyframes)
+        found = search(self, *keyframes)
         milliseconds.append(1e3 * (time.thread_time() - begin))
         candidates.append(len(found))
         return found
 
     compile_kernels(config, lambda: None)
-    LoopSearch.next = timed  # type: ignore[method-assign]
+    LoopSearch.next = timed  # type: ignore[method-assign, assignment]
     if (folder / "keyframes").is_dir():
         data: Dataset = UserFolder(folder / "keyframes")
         run = Pipeline(config).run(data, recorded=RecordedOdometry(folder / "odometry_tum.txt", len(data)))

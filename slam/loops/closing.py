@@ -9,10 +9,20 @@ import numpy as np
 from slam.data import se3
 from slam.data.cloud import Array
 from slam.graph.ledger import LoopCandidate
+from slam.graph.pose_graph import Edge
 from slam.loops.known_places import KnownPlaces
-from slam.loops.scan_context import Candidate, ScanContext, descriptor, levelled, levelled_submap, shifted_descriptors
+from slam.loops.odometry_bound import OdometryBound
+from slam.loops.scan_context import (
+    Candidate,
+    ScanContext,
+    descriptor,
+    highest_points,
+    levelled,
+    levelled_submap,
+    shifted_descriptors,
+)
 from slam.loops.verification import Verification, Verifier
-from slam.mapping.keyframes import Keyframe
+from slam.mapping.keyframes import Keyframes, SomeKeyframes
 from slam.settings import KeyframeSettings, LoopSettings
 
 
@@ -38,6 +48,8 @@ class LoopSearch:
         shifts = settings.scan_context.lateral_shifts
         self._own_shift = shifts.index(0.0) if 0.0 in shifts else None  # of the virtual sensors, the sensor itself
         self._places, self._verifier = ScanContext(settings.scan_context), Verifier(settings.verification)
+        self._bound = OdometryBound()
+        self._highest: dict[int, Array] = {}  # points of the last submap, by keyframe: the next one has most of them
 
     def __len__(self) -> int:
         return self._searched
@@ -66,25 +78,32 @@ class LoopSearch:
                 raise ValueError(f"place {number} is {'' if known else 'not '}known by its loops")
             self._keep(context, distance)
 
-    def next(self, keyframes: Sequence[Keyframe]) -> list[tuple[LoopCandidate, Verification]]:
+    def next(
+        self, keyframes: SomeKeyframes | Keyframes, odometry: Sequence[Edge]
+    ) -> list[tuple[LoopCandidate, Verification]]:
         """Search the loops of the next keyframe, the one after the last that was searched.
 
         Args:
             keyframes: All keyframes so far; those in the submap of the next keyframe should be complete.
+            odometry: The motions from each of them to the next.
 
         Returns:
-            The candidates with their verification, most similar first, up to the first that is accepted.
+            The candidates that the odometry does not exclude with their verification, most similar first, up to the
+            first that is accepted.
         """
-        query = self._searched
-        cloud, travelled, pose = self._surroundings(keyframes, query), keyframes[query].travelled, keyframes[query].pose
-        contexts, own = shifted_descriptors(cloud, self.settings.scan_context), self._own_shift
-        candidates = self._places.search(contexts, travelled)[: self.settings.max_candidates]
-        found = []
+        query, place = self._searched, keyframes.place(self._searched)
+        cloud, own = self._surroundings(keyframes, query), self._own_shift
+        contexts = shifted_descriptors(cloud, self.settings.scan_context)
+        candidates = self._places.search(contexts, place.travelled)
+        self._bound.extend(odometry)
+        found: list[tuple[LoopCandidate, Verification]] = []
         for candidate in candidates:
-            if candidate.distance > self.settings.max_descriptor_distance:
+            if candidate.distance > self.settings.max_descriptor_distance or len(found) == self.settings.max_candidates:
                 break
             match = self._numbers[candidate.index]
-            guess = _guess(keyframes[match].pose, pose, candidate)
+            if not self._bound.allows(match, query, self.settings.verification.max_correction):
+                continue
+            guess = _guess(keyframes.place(match).pose, place.pose, candidate)
             verification = self._verifier.verify(keyframes, query, match, guess)
             loop = LoopCandidate(
                 match, query, verification.T_match_query, candidate.distance, candidate.yaw,
@@ -94,11 +113,11 @@ class LoopSearch:
             if verification.accepted:
                 break
         closed = (found[-1][0].i, found[-1][0].pose) if found and found[-1][1].accepted else None
-        if self._known.add(query, pose, travelled, closed):
+        if self._known.add(query, place.pose, place.travelled, closed):
             self.descriptor = None
         else:
             self.descriptor = contexts[own] if own is not None else descriptor(cloud, self.settings.scan_context)
-        self._keep(self.descriptor, travelled)
+        self._keep(self.descriptor, place.travelled)
         return found
 
     def _keep(self, context: Array | None, travelled: float) -> None:
@@ -108,19 +127,21 @@ class LoopSearch:
             self._numbers.append(self._searched)
         self._searched += 1
 
-    def _surroundings(self, keyframes: Sequence[Keyframe], last: int) -> Array:
-        """The joined clouds of a keyframe and of those shortly before it, in its levelled frame."""
-        length = self.settings.scan_context.submap_length
-        near = [keyframes[last]]
-        for position in range(last - 1, -1, -1):
-            keyframe = keyframes[position]
-            if keyframe.travelled < near[0].travelled - length:
-                break
-            near.append(keyframe)
-        near.reverse()
-        poses = np.array([keyframe.pose for keyframe in near])
-        travelled = np.array([keyframe.travelled for keyframe in near])
-        return levelled_submap([keyframe.cloud.xyz for keyframe in near], poses, travelled, length)
+    def _surroundings(self, keyframes: SomeKeyframes | Keyframes, last: int) -> Array:
+        """The highest points of a keyframe and of those shortly before it, joined, in its levelled frame."""
+        settings, first = self.settings.scan_context, last
+        begin = keyframes.place(last).travelled - settings.submap_length
+        while first > 0 and keyframes.place(first - 1).travelled >= begin:
+            first -= 1
+        before, self._highest = self._highest, {}
+        for position in range(first, last + 1):
+            known = before.get(position)
+            self._highest[position] = (
+                highest_points(keyframes[position].cloud.xyz, settings) if known is None else known
+            )
+        places = [keyframes.place(position) for position in self._highest]
+        poses, travelled = np.array([place.pose for place in places]), np.array([place.travelled for place in places])
+        return levelled_submap(list(self._highest.values()), poses, travelled, settings.submap_length)
 
 
 def _guess(match: Array, query: Array, candidate: Candidate) -> Array:

@@ -1,4 +1,4 @@
-"""Kernels of scan context: descriptors of a cloud, and distances of descriptors over all column shifts.
+"""Kernels of scan context: the highest points of a cloud, its descriptors, and distances of their keys.
 
 This file holds @njit functions only, with all that they call: numba's cache does not see changes in other files.
 """
@@ -38,6 +38,39 @@ def _cells(x, y, rings, sectors, max_range, cells):
         squared = x[i] * x[i] + y[i] * y[i]
         ring = min(np.int32(math.sqrt(squared) * ring_scale), np.int32(rings - 1))
         cells[i] = ring * turn + sector if squared < np.float32(max_range * max_range) else outside
+
+
+@njit(cache=True, nogil=True)
+def highest(xyz, size, reach):
+    """Select the highest point of each column of a square grid.
+
+    Args:
+        xyz: Points (N, 3) float32; non-finite points are left out.
+        size: Size of the columns [m].
+        reach: Points further than this from the origin along x or y are left out [m].
+
+    Returns:
+        Points (M, 3) float32 in the order of the columns.
+    """
+    width = math.ceil(2 * reach / size)
+    best = np.full(width * width, -1, np.int32)
+    count = 0
+    for i in range(len(xyz)):
+        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        if not (-reach <= x < reach and -reach <= y < reach and abs(z) < math.inf):
+            continue
+        column = np.int64((x + reach) / size) * width + np.int64((y + reach) / size)
+        other = best[column]
+        count += other < 0
+        if other < 0 or z > xyz[other, 2]:
+            best[column] = i
+    points = np.empty((count, 3), np.float32)
+    row = 0
+    for column in range(len(best)):
+        if best[column] >= 0:
+            points[row] = xyz[best[column]]
+            row += 1
+    return points
 
 
 @njit(cache=True, nogil=True)
@@ -93,44 +126,3 @@ def key_distances(keys, stored, count):
             least = min(least, total)
         nearest[row] = least
     return nearest
-
-
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
-def align(columns, filled, stored_columns, stored_filled, rows):
-    """Compute the scan context distance of each query to stored descriptors at the best column shift.
-
-    Args:
-        columns: (L, 2 S, R) float32, unit columns of the queries. All S columns are repeated once, so that each shift
-            is one contiguous dot product.
-        filled: (L, 2 S) float32, 1 for columns that are not zero.
-        stored_columns: (N, S, R) float32, unit columns or zero.
-        stored_filled: (N, S) float32, 1 for columns that are not zero.
-        rows: (M,) stored descriptors to compare with.
-
-    Returns:
-        Distances (L, M) float32, 1 if no pair of columns is filled at any shift, and shifts (L, M) int64: column j of
-        the stored descriptor matches column j + shift of the query; the first of equal shifts.
-    """
-    queries, sectors = len(columns), stored_columns.shape[1]
-    distances = np.ones((queries, len(rows)), np.float32)
-    shifts = np.zeros((queries, len(rows)), np.int64)
-    length = stored_columns.shape[1] * stored_columns.shape[2]
-    width = stored_columns.shape[2]
-    for m in range(len(rows)):
-        there, there_filled = stored_columns[rows[m]].reshape(length), stored_filled[rows[m]]
-        for q in range(queries):
-            flat = columns[q].reshape(2 * length)
-            for shift in range(sectors):
-                # slices: possibly negative indices would prevent vectorisation of the loops
-                here, here_filled = flat[shift * width : shift * width + length], filled[q, shift : shift + sectors]
-                pairs, cosines = np.float32(0.0), np.float32(0.0)
-                for j in range(sectors):
-                    pairs += here_filled[j] * there_filled[j]
-                if pairs == 0.0:
-                    continue
-                for j in range(length):
-                    cosines += here[j] * there[j]
-                distance = np.float32(1.0) - cosines / pairs
-                if distance < distances[q, m]:
-                    distances[q, m], shifts[q, m] = distance, shift
-    return distances, shifts

@@ -17,6 +17,7 @@ from slam.settings import VerificationSettings
 
 IDENTITY = np.eye(4)
 MAX_ITERATIONS = 12  # of a registration in the finest cells; half of it in coarser ones
+NEAR_POINTS = 5000  # within common range, roughly: enough for the shares of points that fit, which count to a percent
 PART = 8192  # points that are inserted at once: the table is sized for all of them, and a small one stays in the cache
 
 
@@ -81,8 +82,17 @@ class Submap:
 
     @cached_property
     def near(self) -> Array:
-        """The points within common range of the keyframe's sensor (K, 3) float32."""
-        return np.ascontiguousarray(self.xyz[(self.xyz**2).sum(axis=1) < self._range**2])
+        """Every `near_step`-th point within common range of the keyframe's sensor (K, 3) float32."""
+        return np.ascontiguousarray(self._within[:: self.near_step])
+
+    @property
+    def near_step(self) -> int:
+        """Number of points that each of `near` stands for."""
+        return len(self._within) // NEAR_POINTS + 1
+
+    @cached_property
+    def _within(self) -> Array:
+        return self.xyz[squared_norms(self.xyz) < self._range**2]
 
     @property
     def levels(self) -> int:
@@ -162,6 +172,11 @@ def submap(keyframes: Sequence[Keyframe], centre: int, radius: float, max_points
 def ones(xyz: Array) -> Array:
     """Return weights (N,) float32 of one for points (N, 3)."""
     return np.ones(len(xyz), np.float32)
+
+
+def squared_norms(xyz: Array) -> Array:
+    """Return the squared distances (N,) of points (N, 3) from the origin."""
+    return np.asarray(np.einsum("ij,ij->i", xyz, xyz))
 
 
 def _neighbours(keyframes: Sequence[Keyframe], centre: int, travelled: float, radius: float) -> list[Keyframe]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from slam.data import se3
 from slam.data.cloud import Array
-from slam.loops.submap import IDENTITY, Level, Submap, Submaps, ones
+from slam.loops.submap import IDENTITY, Level, Submap, Submaps, ones, squared_norms
 from slam.mapping.keyframes import Keyframe
 from slam.registration.result import RegistrationResult
 from slam.settings import VerificationSettings
@@ -22,6 +22,7 @@ from slam.settings import VerificationSettings
 SUBMAP_SIGMA = np.array([0.001] * 3 + [0.03] * 3)  # rad, m: distortion of submaps by odometry drift, not observable
 UNREGISTERED = np.diag(np.array([np.pi] * 3 + [100.0] * 3) ** 2)  # covariance without a registration
 KEPT_MATCHES, KEPT_QUERIES = 32, 1  # submaps that are kept: half a megabyte each, 2 MB with the finest cells
+START_POINTS = 500  # of the query, roughly, that choose among the initial poses
 MIN_SELF_FIT = 0.05  # lower bound of the share of a submap that fits itself: sparser ones would inflate the ratios
 
 
@@ -98,7 +99,7 @@ class Verifier:
     def _best_start(self, there: Submap, here: Submap, guess: Array) -> Array:
         """The initial pose (4, 4) near the guess with the best score in the coarsest cells."""
         starts = np.array([_moved(guess @ turn, move) for turn in self._turns for move in self._moves])
-        some = np.ascontiguousarray(here.sparse[::3])
+        some = np.ascontiguousarray(here.sparse[:: len(here.sparse) // START_POINTS + 1])
         return np.asarray(starts[there.level(0).scores(some, starts).argmax()])
 
     def _register(self, there: Submap, here: Submap, start: Array) -> tuple[RegistrationResult, float]:
@@ -137,7 +138,8 @@ class Verifier:
         """Measure how well the submaps fit each other at the registered pose, and decide."""
         T, T_back = found.pose, se3.inverse(found.pose)
         seen_here, seen_there = self._in_common(here, T), self._in_common(there, T_back)
-        if min(len(seen_here), len(seen_there)) < self.settings.min_points:
+        points = len(seen_here) * here.near_step
+        if min(points, len(seen_there) * there.near_step) < self.settings.min_points:
             return Verification(T, UNREGISTERED)
         cells, cells_back = there.level(-1), here.level(-1)
         at_best = max(_fitting(cells, seen_there, IDENTITY), MIN_SELF_FIT)
@@ -147,7 +149,7 @@ class Verifier:
             "inlier_ratio": min(_fitting(cells, seen_here, T) / at_best, 1.0),
             "overlap": min(_fitting(cells_back, seen_there, T_back) / at_best_back, 1.0),
             "distinctness": lead / at_best,
-            "point_sigma": float(np.sqrt(worst * len(seen_here))),
+            "point_sigma": float(np.sqrt(worst * points)),
         }
         covariance = found.covariance + np.diag(SUBMAP_SIGMA**2)
         return Verification(T, covariance, **measures, reason=self._reason(se3.inverse(guess) @ T, **measures))
@@ -155,7 +157,7 @@ class Verifier:
     def _in_common(self, submap: Submap, T: Array) -> Array:
         """Points (N, 3) within common range of their own sensor and, transformed by `T` (4, 4), of the other."""
         moved = submap.near @ T[:3, :3].T.astype(np.float32) + T[:3, 3].astype(np.float32)
-        return np.asarray(submap.near[(moved**2).sum(axis=1) < self.settings.common_range**2])
+        return np.asarray(submap.near[squared_norms(moved) < self.settings.common_range**2])
 
     def _reason(
         self, correction: Array, inlier_ratio: float, overlap: float, distinctness: float, point_sigma: float

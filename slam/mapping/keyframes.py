@@ -42,6 +42,15 @@ class Keyframe:
 
 
 @dataclass(frozen=True, eq=False)
+class Place:
+    """A keyframe without its cloud and view; attributes as in `Keyframe`."""
+
+    index: int
+    pose: Array
+    travelled: float
+
+
+@dataclass(frozen=True, eq=False)
 class _Begun:
     """The keyframe whose scans are being gathered; attributes as in `Keyframe`."""
 
@@ -85,7 +94,7 @@ class Keyframes(Sequence[Keyframe]):
         limits = self.settings
         self._gathered = VoxelAverages(limits.voxel_size, limits.min_range, limits.max_range)
         self._begun: _Begun | None = None
-        self._kept, self._storage = list(kept), storage
+        self._kept, self._storage = [Place(*place) for place in kept], storage
         self.spill = Spill(int(1e6 * limits.memory_mb), storage.block if storage else None, len(kept))
         self._unpacked_lately = lru_cache(RECENT)(self._unpack)  # submaps read the same neighbours repeatedly
 
@@ -116,7 +125,7 @@ class Keyframes(Sequence[Keyframe]):
         if self._storage:
             self._storage.store(begun.index, begun.travelled, begun.pose, block)
         self.spill.append(block)
-        self._kept.append((begun.index, begun.pose, begun.travelled))
+        self._kept.append(Place(begun.index, begun.pose, begun.travelled))
         self._gathered.clear()
         return self[-1]
 
@@ -136,29 +145,30 @@ class Keyframes(Sequence[Keyframe]):
         return self._unpacked_lately(range(len(self._kept))[position])
 
     def _unpack(self, number: int) -> Keyframe:
-        return Keyframe(*self._kept[number], *_unpacked(self.spill.read(number)))
+        place = self._kept[number]
+        return Keyframe(place.index, place.pose, place.travelled, *_unpacked(self.spill.read(number)))
 
     def __iter__(self) -> Iterator[Keyframe]:
         return (self[position] for position in range(len(self)))
 
+    def place(self, position: int) -> Place:
+        """Return what is known of a keyframe without its cloud, which may be on disk."""
+        return self._kept[position]
+
     @property
     def indices(self) -> Array:
         """Frame indices (K,) in the run."""
-        return np.array([index for index, _, _ in self._kept], int)
+        return np.array([place.index for place in self._kept], int)
 
     @property
     def poses(self) -> Array:
         """Odometry poses (K, 4, 4) T_world_lidar."""
-        return np.array([pose for _, pose, _ in self._kept]).reshape(-1, 4, 4)
+        return np.array([place.pose for place in self._kept]).reshape(-1, 4, 4)
 
     @property
     def travelled(self) -> Array:
         """Travelled distances (K,) [m]."""
-        return np.array([travelled for _, _, travelled in self._kept], float)
-
-    def travelled_at(self, position: int) -> float:
-        """Return the travelled distance [m] of one keyframe."""
-        return self._kept[position][2]
+        return np.array([place.travelled for place in self._kept], float)
 
     def begins(self, pose: Array) -> bool:
         """Check whether a scan at this pose (4, 4) T_world_lidar begins a new keyframe."""
@@ -177,7 +187,7 @@ class SomeKeyframes(Sequence[Keyframe]):
         positions: The positions of these.
     """
 
-    def __init__(self, keyframes: Sequence[Keyframe], positions: Sequence[int]) -> None:
+    def __init__(self, keyframes: Keyframes, positions: Sequence[int]) -> None:
         self._keyframes, self._positions = keyframes, positions
 
     def __len__(self) -> int:
@@ -185,6 +195,10 @@ class SomeKeyframes(Sequence[Keyframe]):
 
     def __getitem__(self, position: int) -> Keyframe:  # type: ignore[override]  # no slices
         return self._keyframes[self._positions[position]]
+
+    def place(self, position: int) -> Place:
+        """Return what is known of a keyframe without its cloud, which may be on disk."""
+        return self._keyframes.place(self._positions[position])
 
 
 def _packed(gathered: VoxelAverages, view: RangeImage) -> bytes:

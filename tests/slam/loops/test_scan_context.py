@@ -19,6 +19,7 @@ from slam.loops.scan_context import (
     ScanContext,
     descriptor,
     distance,
+    highest_points,
     levelled,
     levelled_submap,
     ring_key,
@@ -255,6 +256,21 @@ def test_an_empty_cloud_has_no_candidates() -> None:
 
 
 # ---- clouds of several keyframes
+
+
+def test_the_highest_point_of_each_column_is_kept() -> None:
+    column = [[10.1, 20.1, 1.0], [10.4, 20.4, 3.0], [10.2, 20.2, np.nan]]  # of 0.5 m
+    others = [[-10.1, 20.1, -1.0], [10.1, 20.6, 2.0]]
+    beyond = [[0.0, 95.0, 9.0], [np.inf, 0.0, 9.0]]
+    found = highest_points(np.array(column + others + beyond, np.float32), DEFAULT)
+    np.testing.assert_allclose(sorted(found[:, 2]), [-1, 2, 3])
+
+
+def test_the_highest_points_have_nearly_the_same_descriptor() -> None:
+    xyz = street(5)
+    whole, few = descriptor(xyz), highest_points(np.asarray(xyz, np.float32), DEFAULT)
+    assert len(few) < 0.6 * len(xyz)
+    assert distance(whole, descriptor(few))[0] < 0.02
 
 
 def test_the_submap_joins_keyframes_within_its_length() -> None:
