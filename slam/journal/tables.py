@@ -46,7 +46,7 @@ class Table:
 
     def sealed(self, number: int, row: Row) -> tuple[Any, ...]:
         """Return a row with its number and checksum, as it is stored."""
-        values = tuple(None if isinstance(value, float) and math.isnan(value) else value for value in row)
+        values = tuple(_kept(value) for value in row)
         return (number, *values, _checksum(number, values))
 
     def opened(self, number: int, stored: Row) -> tuple[Any, ...]:
@@ -121,6 +121,13 @@ def array_of(text: str, *shape: int) -> Array:
     if not np.isfinite(values).all():
         raise RowError(f"a number that is not finite: {text[:40]}")
     return values
+
+
+def _kept(value: Any) -> Any:
+    """The value that SQLite gives back: it has no NaN, and no negative zero."""
+    if isinstance(value, float):
+        return None if math.isnan(value) else value + 0.0
+    return value
 
 
 def _checksum(number: int, values: Row) -> int:

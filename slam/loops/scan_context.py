@@ -266,7 +266,7 @@ def _aligned(queries: Array, stored: Array, sectors: int) -> tuple[Array, Array]
     pairs = np.rint(np.fft.irfft(here[:, :, :1] * there[:, :1], sectors, axis=0))
     cosines = np.fft.irfft(here[:, :, 1:] @ there[:, 1:], sectors, axis=0)
     # rounded: shifts that are equal but for the rounding of the transform remain equal
-    distances = np.round(1 - np.where(pairs > 0, cosines / np.maximum(pairs, 1), 0), DECIMALS)
+    distances = np.abs(np.round(1 - np.where(pairs > 0, cosines / np.maximum(pairs, 1), 0), DECIMALS))
     return distances.min(axis=0), distances.argmin(axis=0)
 
 

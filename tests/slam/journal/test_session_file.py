@@ -41,6 +41,13 @@ def test_rows_are_read_as_written(path: Path) -> None:
         assert math.isnan(next(file.rows(PLACE))[0])
 
 
+def test_negative_zero_is_kept_as_zero(tmp_path: Path) -> None:
+    with SessionFile.create(tmp_path / "s", {}) as file:
+        file.append(PLACE, 0, (-0.0, b""))
+        file.commit()
+        assert [row[0] for row in file.rows(PLACE)] == [0.0]
+
+
 def test_arrays_keep_their_bits() -> None:
     values = np.random.default_rng(1).normal(size=(4, 4))
     assert array_of(text_of(values), 4, 4).tobytes() == values.tobytes()
