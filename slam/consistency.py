@@ -6,10 +6,13 @@ scan looked through. Random bytes lie at other ranges.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from slam.data import se3
-from slam.data.cloud import Array
+from slam.data.cloud import Array, PointCloud
+from slam.data.distortion import Correction
 
 MAX_RANGE_CHANGE = 0.7  # total variation distance of the ranges' histograms; sound: up to 0.1, random bytes: 0.85
 SAMPLE = 8000  # points of a scan that are compared
@@ -23,38 +26,59 @@ class LastScan:
     """The last registered scan, with which the next one must be consistent."""
 
     def __init__(self) -> None:
-        self._xyz, self._pose = np.zeros((0, 3), np.float32), np.eye(4)
+        self._sample, self._pose = Sample(np.zeros((0, 3), np.float32), np.zeros(0)), np.eye(4)
 
-    def keep(self, xyz: Array, pose: Array) -> None:
-        """Keep a scan: points (N, 3) in the sensor's frame, and its pose (4, 4)."""
-        self._xyz, self._pose = _sample(xyz), pose
+    def keep(self, some: Sample, pose: Array) -> None:
+        """Keep a scan, with its pose (4, 4)."""
+        self._sample, self._pose = some, pose
 
-    def resembles(self, xyz: Array) -> bool:
-        """Check whether the points (N, 3) of a scan lie at ranges as those of the last one do."""
-        some = _sample(xyz)
-        return min(len(some), len(self._xyz)) == 0 or range_change(self._xyz, some) <= MAX_RANGE_CHANGE
+    def resembles(self, some: Sample) -> bool:
+        """Check whether the points of a scan lie at ranges as those of the last one do."""
+        known = min(len(some.xyz), len(self._sample.xyz)) > 0
+        return not known or range_change(some.ranges, self._sample.ranges) <= MAX_RANGE_CHANGE
 
-    def conflicts(self, xyz: Array, pose: Array) -> float:
+    def conflicts(self, some: Sample, pose: Array) -> float:
         """Return the share of points in space that the other scan looked through: of this or of the last, the larger.
 
         Args:
-            xyz: Points (N, 3) in the sensor's frame.
-            pose: Pose (4, 4).
+            some: Points of a scan.
+            pose: Its pose (4, 4).
         """
-        some, T_before_now = _sample(xyz), se3.inverse(self._pose) @ pose
-        return max(conflicts(self._xyz, some, T_before_now), conflicts(some, self._xyz, se3.inverse(T_before_now)))
+        last, T_before_now = self._sample.xyz, se3.inverse(self._pose) @ pose
+        return max(conflicts(last, some.xyz, T_before_now), conflicts(some.xyz, last, se3.inverse(T_before_now)))
 
 
-def range_change(xyz: Array, other: Array) -> float:
-    """Return the total variation distance, 0 to 1, of the ranges of points (N, 3) and of others (M, 3)."""
-    return float(np.abs(_range_shares(xyz) - _range_shares(other)).sum()) / 2
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Some points of a scan.
+
+    Attributes:
+        xyz: (N, 3) float32, in the sensor's frame.
+        ranges: Shares of the points in the intervals of `RANGES`.
+    """
+
+    xyz: Array
+    ranges: Array
 
 
-def _range_shares(xyz: Array) -> Array:
-    """Shares of the points (N, 3) in the intervals of `RANGES`."""
+def sample(cloud: PointCloud, correction: Correction) -> Sample:
+    """Return some of the points of a scan as recorded, evenly, corrected."""
+    some = slice(None, None, max(1, len(cloud) // SAMPLE))
+    time = None if cloud.time is None else np.ascontiguousarray(cloud.time[some])
+    xyz = correction.points(np.ascontiguousarray(cloud.xyz[some]), time)  # not strided: no further compilation
+    return Sample(xyz, range_shares(xyz))
+
+
+def range_change(shares: Array, other: Array) -> float:
+    """Return the total variation distance, 0 to 1, of the `range_shares` of two scans."""
+    return float(np.abs(shares - other).sum()) / 2
+
+
+def range_shares(xyz: Array) -> Array:
+    """Return the shares of the points (N, 3) in the intervals of `RANGES`."""
     squared = np.einsum("ij,ij->i", xyz, xyz)
     beyond = [np.count_nonzero(squared >= limit * limit) for limit in RANGES[:-1]]
-    return -np.diff([*beyond, 0]) / len(xyz)
+    return -np.diff([*beyond, 0]) / max(len(xyz), 1)
 
 
 def conflicts(viewed: Array, xyz: Array, T_view_points: Array) -> float:
@@ -83,8 +107,3 @@ def _cells(xyz: Array, shape: tuple[int, int]) -> Array:
     azimuth = np.rad2deg(np.arctan2(xyz[:, 1], xyz[:, 0])) % 360
     elevation = np.rad2deg(np.arctan2(xyz[:, 2], np.sqrt(xyz[:, 0] ** 2 + xyz[:, 1] ** 2))) + 90
     return np.asarray((azimuth / CELL).astype(int) % shape[0] * shape[1] + (elevation / CELL).astype(int))
-
-
-def _sample(xyz: Array) -> Array:
-    """Some of the points, evenly, as an array of their own, so that the scan is not kept."""
-    return xyz[:: max(1, len(xyz) // SAMPLE)].copy()

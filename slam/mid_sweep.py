@@ -103,7 +103,7 @@ class MidSweepOdometry:
             step,
             pose=T_world_middle @ step.pose @ T_middle_stamp,
             covariance=adjoint @ step.covariance @ adjoint.T,
-            cloud=step.cloud.transformed(T_stamp_middle),
+            correction=replace(step.correction, T=T_stamp_middle),
             unobserved=(step.unobserved.reshape(-1, 2, 3) @ T_stamp_middle[:3, :3].T).reshape(-1, 6),
         )
 

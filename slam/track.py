@@ -1,4 +1,4 @@
-"""Scan-to-map odometry of one motion hypothesis: deskew, downsample, predict, register, validate, update the map."""
+"""Scan-to-map odometry of one motion hypothesis: downsample, deskew, predict, register, validate, update the map."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import copy
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from slam.cell_sizes import Sizes, choose_sizes
-from slam.consistency import LastScan
+from slam.consistency import LastScan, Sample, sample
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
-from slam.data.distortion import correct_vertical, deskew
+from slam.data.distortion import Correction
 from slam.registration.icp import IcpTarget
 from slam.registration.ndt import NdtTarget
 from slam.registration.result import RegistrationResult
@@ -97,7 +98,8 @@ class OdometryStep:
         status: 'registered'; 'retried': registered after a search around the prediction; 'degenerate': the scan does
             not constrain the pose along `unobserved`, where the prediction was kept; 'failed': the prediction was kept.
         registration: Registration of the scan against the map; None for the first scan and for too few points.
-        cloud: The scan as registered: deskewed, vertically corrected, in the sensor's frame.
+        recorded: The scan as recorded.
+        correction: Correction of the scan's distortion.
         unobserved: Unit vectors (K, 6) (rotation, translation) in the sensor's axes; empty unless degenerate.
         velocity: Velocity (6,) [rad/s, m/s] in the sensor's axes, since the last scan; 0 while it is unknown.
         provisional: The pose may still be revised, at the beginning of a sequence.
@@ -109,12 +111,18 @@ class OdometryStep:
     covariance: Array
     status: Literal["registered", "retried", "degenerate", "failed"]
     registration: RegistrationResult | None
-    cloud: PointCloud
+    recorded: PointCloud
+    correction: Correction = field(default_factory=Correction)
     unobserved: Array = field(default_factory=lambda: np.zeros((0, 6)))
     velocity: Array = field(default_factory=lambda: np.zeros(6))
     provisional: bool = False
     restarted: bool = False
     revised: tuple[OdometryStep, ...] = ()
+
+    @cached_property
+    def cloud(self) -> PointCloud:
+        """The scan deskewed and vertically corrected, in the sensor's frame."""
+        return self.correction.cloud(self.recorded)
 
 
 class Track:
@@ -167,9 +175,9 @@ class Track:
         prediction = self.predict(stamp)
         prepared = self._preprocess(cloud)
         if self.target is None or len(prepared.points[0]) < MIN_POINTS:
-            step = self._prediction_step(prediction, prepared.scan)
+            step = self._prediction_step(prediction, prepared)
         elif len(self.target) == 0:
-            step = OdometryStep(prediction, 1e-12 * np.eye(6), "registered", None, prepared.scan)
+            step = OdometryStep(prediction, 1e-12 * np.eye(6), "registered", None, *prepared.scan)
         else:
             step = self._registration_step(self.target, prepared, prediction, stamp)
         self._first = cloud if self._registered == 0 and cloud.time is not None else None
@@ -183,7 +191,7 @@ class Track:
             return []
         score = self.target.scorer(*points, self._pose)
         candidates = self._candidate_registrations(self.target, points, [self._pose], score)
-        distinct = self._distinct_motions(candidates, prepared.scan, score, stamp)
+        distinct = self._distinct_motions(candidates, prepared.sample, score, stamp)
         if distinct and len(self.target.unobserved(*points, distinct[0].pose, ALL_OBSERVED)) > 1:
             return []  # over a bare plane, every motion fits
         hypotheses = []
@@ -193,7 +201,7 @@ class Track:
             if self._first is not None:
                 found, prepared = track._deskew_again(self._first, cloud, found, stamp)
             covariance = RELATIVE_VARIANCE_FACTOR * found.sandwich
-            step = OdometryStep(found.pose, covariance, "registered", found, prepared.scan)
+            step = OdometryStep(found.pose, covariance, "registered", found, *prepared.scan)
             hypotheses.append((track, track._update(step, prepared, stamp)))
         return hypotheses
 
@@ -212,7 +220,7 @@ class Track:
         return self.target.align(*prepared.points, found.pose), prepared
 
     def _distinct_motions(
-        self, candidates: list[RegistrationResult], scan: PointCloud, score: Callable[[Array], float], stamp: float
+        self, candidates: list[RegistrationResult], some: Sample, score: Callable[[Array], float], stamp: float
     ) -> list[RegistrationResult]:
         """The valid registrations of possible motions, best first, without near duplicates."""
         assert self.target is not None
@@ -221,25 +229,25 @@ class Track:
         for found in sorted(candidates, key=lambda result: score(result.pose), reverse=True):
             duplicate = any(_distance(other.pose, found.pose) < min_distance for other in distinct)
             possible = _distance(self._pose, found.pose) < max_distance
-            sound = self._is_valid(found, ALL_OBSERVED) and self._agrees(scan, found, stamp)
+            sound = self._is_valid(found, ALL_OBSERVED) and self._agrees(some, found, stamp)
             if possible and not duplicate and sound:
                 distinct.append(found)
         return distinct
 
     def _preprocess(self, cloud: PointCloud) -> Prepared:
-        """Deskew, correct and downsample a scan."""
-        scan = deskew(cloud, self._velocity)
-        scan = correct_vertical(scan, self.vertical_correction)
-        if self.target is None and len(scan) >= MIN_POINTS:
-            self._initialise(scan)
+        """Downsample and correct a scan."""
+        correction = Correction(self._velocity, self.vertical_correction)
+        some = sample(cloud, correction)
+        if self.target is None and len(cloud) >= MIN_POINTS:
+            self._initialise(cloud)
         if self.target is None:
-            return Prepared(scan, NO_POINTS, NO_POINTS, None)
-        *map_points, in_map = self._map_filter(scan.xyz, self._weights(scan))
-        *points, registered = self._registration_filter(*map_points)
-        some = slice(None, None, max(1, len(registered) // MAX_POINTS))
-        points, registered = [values[some] for values in points], registered[some]
-        time = None if cloud.time is None else cloud.time[in_map[registered]]
-        return Prepared(scan, (map_points[0], map_points[1]), (points[0], points[1]), time)
+            return Prepared((cloud, correction), some, NO_POINTS, NO_POINTS, None)
+        xyz, weight, time = self._map_filter(cloud.xyz, self._weights(cloud), cloud.time)
+        map_points = correction.points(xyz, None if cloud.time is None else time), weight
+        xyz, weight, time = (
+            values[:: max(1, len(values) // MAX_POINTS)] for values in self._registration_filter(*map_points, time)
+        )
+        return Prepared((cloud, correction), some, map_points, (xyz, weight), None if cloud.time is None else time)
 
     def _update(self, step: OdometryStep, prepared: Prepared, stamp: float) -> OdometryStep:
         """Update evidence, motion and map with a step; return the step with its velocity."""
@@ -249,7 +257,7 @@ class Track:
             self._update_motion(step, stamp)
         restarted = self.target is not None and self._update_map(self.target, step, prepared.map_points)
         if step.status != "failed" or restarted:
-            self._last.keep(prepared.scan.xyz, step.pose)
+            self._last.keep(prepared.sample, step.pose)
         return replace(step, velocity=self._velocity, restarted=restarted and self.settings.target == "map")
 
     def predict(self, stamp: float) -> Array:
@@ -277,14 +285,14 @@ class Track:
 
     def _registration_step(self, target: Target, prepared: Prepared, prediction: Array, stamp: float) -> OdometryStep:
         """Register a scan, with a search after a gap or an implausible registration, and validate the result."""
-        scan, points = prepared.scan, prepared.points
+        points = prepared.points
         if self.competing:  # no search: a competing hypothesis keeps to its own motion
             found = target.align(*points, prediction)
             diverged = _distance(prediction, found.pose) > DISTINCT * target.convergence_radius
-            if diverged or not self._is_valid(found, ALL_OBSERVED) or not self._agrees(scan, found, stamp):
-                return self._prediction_step(prediction, scan, found)
+            if diverged or not self._is_valid(found, ALL_OBSERVED) or not self._agrees(prepared.sample, found, stamp):
+                return self._prediction_step(prediction, prepared, found)
             covariance = self._motion_covariance(target, prepared, found)
-            return OdometryStep(found.pose, covariance, "registered", found, scan)
+            return OdometryStep(found.pose, covariance, "registered", found, *prepared.scan)
         status: Literal["registered", "retried", "degenerate"] = "registered"
         gap = self._failures > 0 or self._elapsed(stamp) > GAP * self.sweep_duration
         if self._registered < 2 or gap:
@@ -299,16 +307,16 @@ class Track:
             found = target.align(*points, steady_pose, _unobserved_twists(lost))
         elif self._registered > 1 and not gap and not self._is_plausible(prediction, found):
             status, found = "retried", self._search(target, points, [prediction], found)
-        if not self._is_valid(found, lost) or not self._agrees(scan, found, stamp):
-            return self._prediction_step(prediction, scan, found)
+        if not self._is_valid(found, lost) or not self._agrees(prepared.sample, found, stamp):
+            return self._prediction_step(prediction, prepared, found)
         self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
         self._unobserved = lost
         covariance = self._motion_covariance(target, prepared, found)
         if not len(lost):
-            return OdometryStep(found.pose, covariance, status, found, scan)
+            return OdometryStep(found.pose, covariance, status, found, *prepared.scan)
         directions = _unobserved_twists(lost @ found.pose[:3, :3])
         covariance = self._drift_covariance(covariance, directions, stamp)
-        return OdometryStep(found.pose, covariance, "degenerate", found, scan, directions)
+        return OdometryStep(found.pose, covariance, "degenerate", found, *prepared.scan, directions)
 
     def _steady_prediction(self, prediction: Array, lost: Array, stamp: float) -> Array:
         """The prediction (4, 4) with the median of the last velocities along the unobservable directions `lost` (K, 3).
@@ -361,7 +369,7 @@ class Track:
         close = self._deviation(prediction, found.pose) < self._max_deviation()
         return close and self._is_valid(found, ALL_OBSERVED)
 
-    def _agrees(self, scan: PointCloud, found: RegistrationResult, stamp: float) -> bool:
+    def _agrees(self, some: Sample, found: RegistrationResult, stamp: float) -> bool:
         """Whether a scan can show the scene of the last ones: not so if it is damaged, or the sensor was carried.
 
         About as many points must fit as in the last scans. If somewhat fewer fit or meet the map, the last scan itself
@@ -375,13 +383,13 @@ class Track:
             return False
         if self._elapsed(stamp) > GAP * self.sweep_duration:
             return True
-        if not self._last.resembles(scan.xyz):
+        if not self._last.resembles(some):
             return False
         few_fit = fit < SURE_INLIER_RATIO or self._registered < 2
         few_meet = found.overlap < MIN_OVERLAP_RATIO * self._mean_overlap
         if self._failures or not (few_fit or few_meet):
             return True
-        return self._last.conflicts(scan.xyz, found.pose) <= (MAX_CONFLICTS if few_fit else MAX_SURE_CONFLICTS)
+        return self._last.conflicts(some, found.pose) <= (MAX_CONFLICTS if few_fit else MAX_SURE_CONFLICTS)
 
     def _is_valid(self, found: RegistrationResult, lost: Array) -> bool:
         """Whether inlier ratio and covariance are within limits, except along the unobservable directions `lost`."""
@@ -422,10 +430,10 @@ class Track:
         return np.asarray(P @ covariance @ P + variance * directions.T @ directions)
 
     def _prediction_step(
-        self, prediction: Array, scan: PointCloud, found: RegistrationResult | None = None
+        self, prediction: Array, prepared: Prepared, found: RegistrationResult | None = None
     ) -> OdometryStep:
         """A failed step, which keeps the prediction."""
-        return OdometryStep(prediction, np.diag(FAILED_SIGMA**2), "failed", found, scan)
+        return OdometryStep(prediction, np.diag(FAILED_SIGMA**2), "failed", found, *prepared.scan)
 
     def _update_motion(self, step: OdometryStep, stamp: float) -> None:
         """Update velocity, deviation and mean overlap with a registered scan."""
@@ -485,13 +493,15 @@ class Prepared(NamedTuple):
     """A scan ready for registration.
 
     Attributes:
-        scan: The scan, deskewed and vertically corrected.
+        scan: The scan as recorded, and its correction.
+        sample: Some of its points.
         map_points: Its points for the map.
         points: Its points for registration, N.
         time: Their times (N,) [s] from the middle of the sweep; None without times.
     """
 
-    scan: PointCloud
+    scan: tuple[PointCloud, Correction]
+    sample: Sample
     map_points: Points
     points: Points
     time: Array | None

@@ -41,8 +41,24 @@ def exp(xi: Array) -> Array:
 
 def log(T: Array) -> Array:
     """Return the tangent vector (6,) of a pose (4, 4): the inverse of `exp` for rotations below pi."""
-    omega = Rotation.from_matrix(T[:3, :3]).as_rotvec()
+    omega = _rotation_vector(T[:3, :3].tolist())
     return np.concatenate([omega, np.linalg.solve(_exponentials(omega)[1], T[:3, 3])])
+
+
+def _rotation_vector(R: list[list[float]]) -> Array:
+    """Rotation vector (3,) [rad] of a rotation matrix, by the quaternion's largest component (Shepperd 1978)."""
+    (a, b, c), (d, e, f), (g, h, i) = R
+    candidates = (
+        (a + e + i, (1 + a + e + i, h - f, c - g, d - b)),
+        (a, (h - f, 1 + a - e - i, b + d, c + g)),
+        (e, (c - g, b + d, 1 - a + e - i, f + h)),
+        (i, (d - b, c + g, f + h, 1 - a - e + i)),
+    )
+    w, *vector = max(candidates)[1]
+    length = math.hypot(*vector)
+    turn = 2 * math.atan2(length, abs(w))
+    factor = turn / length if length > 1e-12 else 2 / abs(w)
+    return math.copysign(factor, w) * np.array(vector)
 
 
 def inverse(T: Array) -> Array:
@@ -57,7 +73,9 @@ def inverse(T: Array) -> Array:
 
 def angle(T: Array) -> Array:
     """Return the rotation angle [rad] of a pose (4, 4) or of a stack (N, 4, 4)."""
-    return np.asarray(Rotation.from_matrix(T[..., :3, :3]).magnitude())
+    R = T[..., :3, :3]
+    axis = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
+    return np.arctan2(np.linalg.norm(axis, axis=-1), np.trace(R, axis1=-2, axis2=-1) - 1)
 
 
 def scale(T: Array, factor: float) -> Array:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import null_space
 
-from slam.data import se3
 from slam.data.cloud import Array
-from slam.registration.kernels import clustered_scatter
+from slam.registration.kernels import clustered_scatter, stepped
 from slam.registration.result import RegistrationResult
 from slam.registration.voxels import hash_table
 
@@ -19,6 +19,7 @@ CLUSTER_SIZE = 4.0  # m; points this close may share an error: of the laser, the
 MIN_VARIANCE = 1e-12  # rad^2, m^2; keeps the covariance positive definite for any points
 RIDGE = 1e-9  # relative to the trace of H; an unconstrained direction takes no step instead of an arbitrary one
 NOT_LOCKED = np.zeros((0, 6))  # no locked directions
+ALL_FREE = np.eye(6)  # a step may be taken in any direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,7 @@ class Linearisation:
         variance: Variance of the whitened residuals.
         inlier_ratio: As in `RegistrationResult`.
         overlap: As in `RegistrationResult`.
-        score: The paper's eq. 5 divided by the number of points; higher is better.
+        score: The paper's eq. 5 divided by the number of points, 0 if it was not asked for; higher is better.
     """
 
     H: Array
@@ -62,11 +63,11 @@ def minimise(
     Returns:
         The pose (4, 4), and whether the iteration converged.
     """
-    pose = guess
+    pose, free = guess, np.ascontiguousarray(null_space(locked)) if len(locked) else ALL_FREE
     for _ in range(max_iterations):
-        step = _step(linearise(pose), locked)
-        pose = _perturbed(pose, step)
-        if np.linalg.norm(step[:3]) < STOP_ROTATION and np.linalg.norm(step[3:]) < STOP_TRANSLATION:
+        model = linearise(pose)
+        pose, step = stepped(pose, model.H, model.gradient, free, RIDGE)
+        if math.hypot(*step[:3]) < STOP_ROTATION and math.hypot(*step[3:]) < STOP_TRANSLATION:
             return pose, True
     return pose, False
 
@@ -120,7 +121,9 @@ def distortion_response(H: Array, H_time: Array, pose: Array) -> Array:
 
 def _rotation(pose: Array) -> Array:
     """The matrix (6, 6) that rotates the two halves of a tangent vector."""
-    return np.asarray(np.kron(np.eye(2), pose[:3, :3]))
+    rotation = np.zeros((6, 6))
+    rotation[:3, :3] = rotation[3:, 3:] = pose[:3, :3]
+    return rotation
 
 
 def _step(model: Linearisation, locked: Array) -> Array:
@@ -135,10 +138,3 @@ def _solve(H: Array, rhs: Array) -> Array:
     """Solution of the linear system of the normal matrix H, with a small ridge."""
     scale = max(float(np.trace(H)), 1e-12)
     return np.linalg.solve(H + RIDGE * scale * np.eye(len(H)), rhs)
-
-
-def _perturbed(pose: Array, step: Array) -> Array:
-    """The pose (4, 4) rotated about the sensor and translated by the step (6,), both in the target's axes."""
-    perturbed = se3.normalized(se3.exp(np.concatenate([step[:3], np.zeros(3)])) @ pose)
-    perturbed[:3, 3] = pose[:3, 3] + step[3:]
-    return perturbed

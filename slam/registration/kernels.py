@@ -2,8 +2,8 @@
 
 Only @njit functions, and all of them in one file: numba's cache does not see changes in another file.
 
-Hash tables use open addressing with linear probing over a power of two of slots: `table` (S, 2) int64 has the key of a
-cell, EMPTY if the slot is free, and its row in the dense arrays.
+Hash tables use open addressing with linear probing over a power of two of slots: `table` (S,) int32 has the row of a
+cell in the dense arrays, EMPTY if the slot is free; one of these arrays has the keys.
 """
 
 import math
@@ -11,14 +11,17 @@ import math
 import numpy as np
 from numba import njit
 
-EMPTY = np.int64(-1)
+EMPTY = np.int32(-1)
 INLIER_THRESHOLD = 7.815  # 95 % quantile of chi^2 with 3 degrees of freedom
 NEGLIGIBLE = 50.0  # squared Mahalanobis distance from which a point adds nothing to eq. 5: exp(-25) is 1e-11
+NO_KEY = np.int64(-1)  # of no cell
+PASSES = 8  # of `reaches_overlap` over a scan
 _BITS = 21  # of a cell index along one axis: +-1,048,576 cells, 1000 km of 1 m cells
 _MASK = (1 << _BITS) - 1
 
-# Columns of a cell's running sums: weight, mean (3), scatter about the mean (xx xy xz yy yz zz), number of points.
-_MEAN, _SCATTER, _COUNT = 1, 4, 10
+# Columns of a cell's running sums: weight, weighted sums of the offsets d from the centre of the cell (3) and of d d^T
+# (xx xy xz yy yz zz), number of points.
+_FIRST, _SECOND, _COUNT, SUMS = 1, 4, 10, 11
 # Columns of a Gaussian: mean (3), information (xx xy xz yy yz zz; 0: none), variance of the normal's tilt [rad^2],
 # number of points of which it was computed.
 _POINTS_USED, GAUSSIAN = 10, 11
@@ -41,7 +44,19 @@ def _key(x, y, z, inverse_size):
 
 
 @njit(forceinline=True)
-def _find(table, key):
+def _index(bits):
+    """The signed cell index along an axis, of which a key has the lowest bits."""
+    return ((bits & _MASK) ^ (1 << (_BITS - 1))) - (1 << (_BITS - 1))
+
+
+@njit(forceinline=True)
+def _centre(key, size):
+    """Centre of the cell with `key`."""
+    return (_index(key >> (2 * _BITS)) + 0.5) * size, (_index(key >> _BITS) + 0.5) * size, (_index(key) + 0.5) * size
+
+
+@njit(forceinline=True)
+def _find(table, keys, key):
     """Slot of `key`, or the free slot for it.
 
     The four cells of a 2 x 2 block are hashed to slots in one cache line: adjacent points fall into adjacent cells, and
@@ -52,16 +67,15 @@ def _find(table, key):
     block = key & ~((np.int64(1) << (2 * _BITS)) | (np.int64(1) << _BITS))
     h = block * np.int64(-7046029254386353131)  # 2^64 / golden ratio: the product's high bits are well mixed
     slot = ((np.int64(h ^ (h >> 32)) & ~np.int64(3)) | (x << 1) | y) & mask
-    while table[slot, 0] != EMPTY and table[slot, 0] != key:
+    while table[slot] != EMPTY and keys[table[slot]] != key:
         slot = (slot + 1) & mask
     return slot
 
 
 @njit(forceinline=True)
-def _lookup(table, key):
+def _lookup(table, keys, key):
     """Row of the cell with `key`; -1 if there is none."""
-    slot = _find(table, key)
-    return -1 if table[slot, 0] == EMPTY else table[slot, 1]
+    return np.int64(table[_find(table, keys, key)])
 
 
 @njit(forceinline=True)
@@ -75,63 +89,82 @@ def _rotated(pose, x, y, z):
 
 
 @njit(cache=True, nogil=True)
-def downsample(xyz, weight, size, min_range, max_range, table):
-    """Compute the weighted centroid of the points of each cell, in the order of their first points.
+def downsample(xyz, weight, time, size, min_range, max_range, table):
+    """Compute the weighted mean of the points of each cell, in the order of their first points.
 
     Args:
         xyz: Points (N, 3) float32; points that are not finite are left out.
         weight: Their weights (N,) float32.
+        time: Their times (N,) float32 [s], or empty.
         size: Size of the cells [m].
         min_range: Points nearer to the origin are left out [m].
         max_range: Points further from the origin are left out [m].
         table: Hash table, overwritten.
 
     Returns:
-        Centroids (M, 3) float32, mean weights (M,) float32, the index (M,) int64 of the first point of each cell, and
-        whether `table` was large enough; if not, the other values are invalid.
+        Centroids (M, 3) float32, mean weights (M,) float32, mean times (M,) float32 (0 without times), and whether
+        `table` was large enough; if not, the other values are invalid.
     """
-    table[:, 0] = EMPTY
+    table[:] = EMPTY
     inverse_size = 1.0 / size
-    # columns: weight, weighted sum of xyz relative to the first point, number of points, first point
-    sums = np.empty((min(len(xyz), len(table) // 2), 8), np.float32)
-    source = np.empty(len(sums), np.int64)
-    count, fits = 0, True
-    last_key, cell = EMPTY, 0
+    most = min(len(xyz), len(table) // 2)
+    keys = np.empty(most, np.int64)
+    sums = np.empty((most, 6))  # columns: weight, weighted sums of x, y, z and time, number of points
+    count, fits, cell = 0, True, 0
+    last_key = NO_KEY
+    w, wx, wy, wz, wt, seen = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # of successive points in one cell: most of a scan's are
     for i in range(len(xyz)):
-        x, y, z, w = xyz[i, 0], xyz[i, 1], xyz[i, 2], weight[i]
+        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
         squared = x * x + y * y + z * z
         if not min_range * min_range <= squared <= max_range * max_range:
             continue
         key = _key(x, y, z, inverse_size)
-        if key != last_key:  # successive points of a scan are mostly in the same cell
+        if key != last_key:
+            if last_key != NO_KEY:
+                _add_sums(sums[cell], w, wx, wy, wz, wt, seen)
             last_key = key
-            slot = _find(table, key)
-            if table[slot, 0] == EMPTY:
-                if count == len(sums):
+            w, wx, wy, wz, wt, seen = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            slot = _find(table, keys, key)
+            if table[slot] == EMPTY:
+                if count == most:
                     fits = False
                     break
-                table[slot, 0] = key
-                table[slot, 1] = count
-                sums[count, :5] = 0.0
-                sums[count, 5], sums[count, 6], sums[count, 7] = x, y, z
-                source[count] = i
+                table[slot] = count
+                keys[count] = key
+                sums[count] = 0.0
                 count += 1
-            cell = table[slot, 1]
-        # relative to the first point of the cell: float32 sums far from the origin lose precision
-        row = sums[cell]
-        row[0] += w
-        row[1] += w * (x - row[5])
-        row[2] += w * (y - row[6])
-        row[3] += w * (z - row[7])
-        row[4] += 1.0
+            cell = table[slot]
+        u = np.float64(weight[i])
+        w += u
+        wx += u * x
+        wy += u * y
+        wz += u * z
+        if len(time):
+            wt += u * time[i]
+        seen += 1.0
+    if count and fits:
+        _add_sums(sums[cell], w, wx, wy, wz, wt, seen)
     centroids = np.empty((count, 3), np.float32)
-    weights = np.empty(count, np.float32)
+    weights, times = np.empty(count, np.float32), np.empty(count, np.float32)
     for cell in range(count):
         row = sums[cell]
+        inverse = 1.0 / row[0]
         for axis in range(3):
-            centroids[cell, axis] = row[5 + axis] + row[1 + axis] / row[0]
-        weights[cell] = row[0] / row[4]
-    return centroids, weights, source[:count].copy(), fits
+            centroids[cell, axis] = row[1 + axis] * inverse
+        weights[cell] = row[0] / row[5]
+        times[cell] = row[4] * inverse
+    return centroids, weights, times, fits
+
+
+@njit(forceinline=True)
+def _add_sums(row, w, wx, wy, wz, wt, seen):
+    """Add the sums over some points to a row of `downsample`."""
+    row[0] += w
+    row[1] += wx
+    row[2] += wy
+    row[3] += wz
+    row[4] += wt
+    row[5] += seen
 
 
 @njit
@@ -175,9 +208,9 @@ def eigenvector(A, value):
 
 
 @njit
-def _across_rings(x, y, z, row, pose):
+def _across_rings(x, y, z, mean, pose):
     """Squared cosine between a unit vector and the direction from ring to ring at a cell, for a sensor at `pose`."""
-    rx, ry, rz = row[_MEAN] - pose[0, 3], row[_MEAN + 1] - pose[1, 3], row[_MEAN + 2] - pose[2, 3]
+    rx, ry, rz = mean[0] - pose[0, 3], mean[1] - pose[1, 3], mean[2] - pose[2, 3]
     squared = rx * rx + ry * ry + rz * rz + 1e-12
     along = (pose[0, 2] * rx + pose[1, 2] * ry + pose[2, 2] * rz) / squared
     ex, ey, ez = pose[0, 2] - along * rx, pose[1, 2] - along * ry, pose[2, 2] - along * rz
@@ -200,7 +233,7 @@ def _information_from_covariance(cell, A, ridge, gaussians):
 
 
 @njit(forceinline=True)
-def _information_from_surface(cell, A, ridge, size, row, pose, gaussians):
+def _information_from_surface(cell, A, ridge, size, count, pose, gaussians):
     """Set the information along the directions in which a surface is thin: a plane's normal, both sides of an edge.
 
     The spread of points along a surface depends on the borders of the cell and on the rings in it, not on the position
@@ -208,7 +241,7 @@ def _information_from_surface(cell, A, ridge, size, row, pose, gaussians):
     """
     smallest, middle, largest = eigenvalues(A)
     smallest, middle = max(smallest, 0.0), max(middle, 0.0)
-    gaussians[cell, 9] = (smallest + ridge) / ((middle + ridge) * min(row[_COUNT], MAX_INDEPENDENT_POINTS))
+    gaussians[cell, 9] = (smallest + ridge) / ((middle + ridge) * min(count, MAX_INDEPENDENT_POINTS))
     if smallest > MAX_FLATNESS * middle + 1e-9 * largest:  # for a line without width, both are rounding errors
         return
     if MIN_ELONGATION * middle >= largest:
@@ -216,7 +249,7 @@ def _information_from_surface(cell, A, ridge, size, row, pose, gaussians):
         _add_information(cell, x, y, z, smallest, ridge, size, gaussians)
         return
     wx, wy, wz = eigenvector(A, largest)
-    if _across_rings(wx, wy, wz, row, pose) < MIN_CROSSING:
+    if _across_rings(wx, wy, wz, gaussians[cell], pose) < MIN_CROSSING:
         return
     x, y, z = eigenvector(A, smallest)
     x, y, z = _perpendicular(x, y, z, wx, wy, wz)
@@ -256,22 +289,26 @@ def _add_information(cell, x, y, z, variance, ridge, size, gaussians):
 
 
 @njit(forceinline=True)
-def _update_gaussian(cell, sums, gaussians, regularisation, size, surfaces, pose, A):
+def _update_gaussian(cell, key, sums, gaussians, regularisation, size, surfaces, pose, A):
     """Compute a cell's mean and information from its sums; `floor` of the trace keeps flat cells invertible."""
     row = sums[cell]
-    scale = 1.0 / row[0] * row[_COUNT] / (row[_COUNT] - 1.0)
-    entry = _SCATTER
-    for i in range(3):
-        for j in range(i, 3):
-            A[i, j] = A[j, i] = row[entry] * scale
-            entry += 1
+    inverse = 1.0 / row[0]
+    mx, my, mz = row[_FIRST] * inverse, row[_FIRST + 1] * inverse, row[_FIRST + 2] * inverse
+    unbiased = row[_COUNT] / (row[_COUNT] - 1.0)
+    scale = inverse * unbiased
+    A[0, 0] = row[_SECOND] * scale - mx * mx * unbiased
+    A[0, 1] = A[1, 0] = row[_SECOND + 1] * scale - mx * my * unbiased
+    A[0, 2] = A[2, 0] = row[_SECOND + 2] * scale - mx * mz * unbiased
+    A[1, 1] = row[_SECOND + 3] * scale - my * my * unbiased
+    A[1, 2] = A[2, 1] = row[_SECOND + 4] * scale - my * mz * unbiased
+    A[2, 2] = row[_SECOND + 5] * scale - mz * mz * unbiased
     ridge = regularisation * (A[0, 0] + A[1, 1] + A[2, 2]) + 1e-6
-    for axis in range(3):
-        gaussians[cell, axis] = row[_MEAN + axis]
+    cx, cy, cz = _centre(key, size)
+    gaussians[cell, 0], gaussians[cell, 1], gaussians[cell, 2] = cx + mx, cy + my, cz + mz
     gaussians[cell, 3:] = 0.0
     gaussians[cell, _POINTS_USED] = row[_COUNT]
     if surfaces:
-        _information_from_surface(cell, A, ridge, size, row, pose, gaussians)
+        _information_from_surface(cell, A, ridge, size, row[_COUNT], pose, gaussians)
     else:
         _information_from_covariance(cell, A, ridge, gaussians)
 
@@ -285,8 +322,7 @@ def _has_information(S):
 @njit(forceinline=True)
 def _add_cell(key, slot, cell, table, sums, gaussians, cell_keys):
     """Add an empty cell at a free slot."""
-    table[slot, 0] = key
-    table[slot, 1] = cell
+    table[slot] = cell
     cell_keys[cell] = key
     sums[cell] = 0.0
     gaussians[cell] = 0.0
@@ -298,9 +334,9 @@ def insert(
 ):
     """Add points to the cells' running sums, and update the Gaussians of these cells.
 
-    Centred accumulation (West 1979), unbiased covariance. A cell with `max_points` is not updated any more. The
-    information of a Gaussian is 0 while the cell has fewer than `min_points`, and, with `surfaces`, if it has no
-    surface.
+    Unbiased covariance, from sums about the centre of the cell, where hardly a digit cancels. A cell with `max_points`
+    is not updated any more. The information of a Gaussian is 0 while the cell has fewer than `min_points`, and, with
+    `surfaces`, if it has no surface.
 
     Args:
         xyz: Points (N, 3).
@@ -312,7 +348,7 @@ def insert(
         regularisation: As in `VoxelGaussians`.
         surfaces: As in `VoxelGaussians`.
         table: Hash table.
-        sums: Running sums (C, 11), a row per cell.
+        sums: Running sums (C, SUMS), a row per cell.
         gaussians: Gaussians (C, GAUSSIAN), a row per cell.
         cell_keys: Keys (C,) of the cells.
         count: Number of cells in use.
@@ -323,74 +359,75 @@ def insert(
     A = np.empty((3, 3))
     inverse_size = 1.0 / size
     cells = np.empty(len(xyz), np.int64)
-    last_key, cell = EMPTY, 0
+    last_key, cell = NO_KEY, np.int64(0)
     for i in range(len(xyz)):  # a loop of its own, as in `_cells_of`
         x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
         key = _key(x + pose[0, 3], y + pose[1, 3], z + pose[2, 3], inverse_size)
         if key != last_key:
             last_key = key
-            slot = _find(table, key)
-            if table[slot, 0] == EMPTY:
+            slot = _find(table, cell_keys, key)
+            if table[slot] == EMPTY:
                 _add_cell(key, slot, count, table, sums, gaussians, cell_keys)
                 count += 1
-            cell = table[slot, 1]
+            cell = np.int64(table[slot])
         cells[i] = cell
     touched = np.empty(len(xyz), np.int64)
     touches = 0
     last_cell = -1
+    cx, cy, cz = 0.0, 0.0, 0.0
     for i in range(len(xyz)):
         cell = cells[i]
         if cell != last_cell:
             last_cell = cell
+            cx, cy, cz = _centre(cell_keys[cell], size)
             if sums[cell, _COUNT] < max_points:
                 touched[touches] = cell
                 touches += 1
-        px, py, pz, w = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), weight[i]
-        x, y, z = _rotated(pose, px, py, pz)
-        x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
         row = sums[cell]
         if row[_COUNT] >= max_points:
             continue
-        row[_COUNT] += 1.0
+        x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
+        dx, dy, dz, w = x + pose[0, 3] - cx, y + pose[1, 3] - cy, z + pose[2, 3] - cz, np.float64(weight[i])
         row[0] += w
-        dx, dy, dz = x - row[_MEAN], y - row[_MEAN + 1], z - row[_MEAN + 2]
-        gain = w / row[0]
-        row[_MEAN] += gain * dx
-        row[_MEAN + 1] += gain * dy
-        row[_MEAN + 2] += gain * dz
-        ex, ey, ez = w * (x - row[_MEAN]), w * (y - row[_MEAN + 1]), w * (z - row[_MEAN + 2])
-        row[_SCATTER] += dx * ex
-        row[_SCATTER + 1] += dx * ey
-        row[_SCATTER + 2] += dx * ez
-        row[_SCATTER + 3] += dy * ey
-        row[_SCATTER + 4] += dy * ez
-        row[_SCATTER + 5] += dz * ez
+        _add_moments(row, w * dx, w * dy, w * dz, dx, dy, dz)
+        row[_COUNT] += 1.0
     for i in range(touches):
         seen = sums[touched[i], _COUNT]
         if seen >= min_points and seen > gaussians[touched[i], _POINTS_USED]:
-            _update_gaussian(touched[i], sums, gaussians, regularisation, size, surfaces, pose, A)
+            key = cell_keys[touched[i]]
+            _update_gaussian(touched[i], key, sums, gaussians, regularisation, size, surfaces, pose, A)
     return count
 
 
+@njit(forceinline=True)
+def _add_moments(row, ax, ay, az, dx, dy, dz):
+    """Add weighted offsets a = w d of a point, and a d^T, to a row of sums."""
+    row[_FIRST] += ax
+    row[_FIRST + 1] += ay
+    row[_FIRST + 2] += az
+    row[_SECOND] += ax * dx
+    row[_SECOND + 1] += ax * dy
+    row[_SECOND + 2] += ax * dz
+    row[_SECOND + 3] += ay * dy
+    row[_SECOND + 4] += ay * dz
+    row[_SECOND + 5] += az * dz
+
+
 @njit(cache=True, nogil=True)
-def evict(centre, radius, table, sums, gaussians, cell_keys, count):
-    """Remove the cells with a mean further than `radius` [m] from `centre` (3,); return the number that remains."""
-    table[:, 0] = EMPTY
+def evict(centre, radius, size, table, sums, gaussians, cell_keys, count):
+    """Remove the cells with a centre further than `radius` [m] from `centre` (3,); return the number that remains."""
+    table[:] = EMPTY
     kept = 0
     for cell in range(count):
-        squared = 0.0
-        for axis in range(3):
-            squared += (sums[cell, _MEAN + axis] - centre[axis]) ** 2
-        if squared > radius * radius:
+        x, y, z = _centre(cell_keys[cell], size)
+        if (x - centre[0]) ** 2 + (y - centre[1]) ** 2 + (z - centre[2]) ** 2 > radius * radius:
             continue
         for column in range(sums.shape[1]):
             sums[kept, column] = sums[cell, column]
         for column in range(gaussians.shape[1]):
             gaussians[kept, column] = gaussians[cell, column]
         cell_keys[kept] = cell_keys[cell]
-        slot = _find(table, cell_keys[kept])
-        table[slot, 0] = cell_keys[kept]
-        table[slot, 1] = kept
+        table[_find(table, cell_keys, cell_keys[kept])] = kept
         kept += 1
     return kept
 
@@ -398,11 +435,9 @@ def evict(centre, radius, table, sums, gaussians, cell_keys, count):
 @njit(cache=True, nogil=True)
 def rehash(cell_keys, count, table):
     """Fill a table, after it has grown, with the existing cells."""
-    table[:, 0] = EMPTY
+    table[:] = EMPTY
     for cell in range(count):
-        slot = _find(table, cell_keys[cell])
-        table[slot, 0] = cell_keys[cell]
-        table[slot, 1] = cell
+        table[_find(table, cell_keys, cell_keys[cell])] = cell
 
 
 @njit(forceinline=True)
@@ -443,7 +478,7 @@ def _add_point(H, g, u, S, qx, qy, qz, fx, fy, fz):
 
 
 @njit(forceinline=True)
-def _cells_of(xyz, pose, size, neighbours, table):
+def _cells_of(xyz, pose, size, neighbours, table, cell_keys):
     """Rows (N, neighbours) of the cells of points, -1 where there is none.
 
     In a loop of its own, many of the lookups, which miss the cache, are under way at once.
@@ -462,12 +497,12 @@ def _cells_of(xyz, pose, size, neighbours, table):
                 z + (step if axis == 3 else 0.0),
                 inverse_size,
             )
-            cells[i, n] = _lookup(table, key)
+            cells[i, n] = _lookup(table, cell_keys, key)
     return cells
 
 
 @njit(cache=True, nogil=True)
-def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussians, scores):
+def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, cell_keys, gaussians, scores, scored):
     """Linearise NDT: sum over points of w rho'(m) J^T S^-1 [J | r], with m = r^T S^-1 r and r = T x - mean.
 
     The perturbation is a rotation about the sensor and a translation of the sensor, both in the axes of the map:
@@ -481,15 +516,17 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussia
         neighbours: 1, the point's own cell, or 7, with the six face neighbours.
         kernel: Scale of the robust weight.
         table: Hash table of the cells.
+        cell_keys: Keys of the cells.
         gaussians: Gaussians of the cells.
         scores: (N, 6) or empty; each point's contribution to the gradient is added to its row.
+        scored: Whether the paper's eq. 5 is computed.
 
     Returns:
         H (6, 6), gradient (6,), and six sums: robust weights; robust weights x m; weights of the points with a minimum
-        m below the 95 % quantile of chi^2(3); the paper's eq. 5 (weights x exp(-m / 2), best cell); weights of the
-        points in a cell with a Gaussian; all weights.
+        m below the 95 % quantile of chi^2(3); the paper's eq. 5 (weights x exp(-m / 2), best cell), if it is computed;
+        weights of the points in a cell with a Gaussian; all weights.
     """
-    cells = _cells_of(xyz, pose, size, neighbours, table)
+    cells = _cells_of(xyz, pose, size, neighbours, table, cell_keys)
     H = np.zeros((6, 6))
     g = np.zeros(6)
     totals = np.zeros(6)
@@ -525,7 +562,8 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussia
                 scores[i, 5] += fz
         if best < np.inf:
             totals[4] += w
-            totals[3] += w * math.exp(-0.5 * best)
+            if scored:
+                totals[3] += w * math.exp(-0.5 * best)
             if best < INLIER_THRESHOLD:
                 totals[2] += w
     for k in range(6):
@@ -535,7 +573,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, gaussia
 
 
 @njit(cache=True, nogil=True)
-def fits(xyz, poses, size, table, gaussians):
+def fits(xyz, poses, size, table, cell_keys, gaussians):
     """Compute how well points fit the Gaussians of their cells at each of several poses.
 
     Args:
@@ -543,6 +581,7 @@ def fits(xyz, poses, size, table, gaussians):
         poses: Poses (P, 4, 4) of the points in the map.
         size: Size of the cells [m].
         table: Hash table of the cells.
+        cell_keys: Keys of the cells.
         gaussians: Gaussians of the cells.
 
     Returns:
@@ -557,10 +596,10 @@ def fits(xyz, poses, size, table, gaussians):
         for i in range(len(xyz)):
             x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
             x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
-            slot = _find(table, _key(x, y, z, inverse_size))
-            if table[slot, 0] == EMPTY:
+            cell = _lookup(table, cell_keys, _key(x, y, z, inverse_size))
+            if cell < 0:
                 continue
-            S = gaussians[table[slot, 1]]
+            S = gaussians[cell]
             if not _has_information(S):
                 continue
             m = _mahalanobis(S, x, y, z)
@@ -572,7 +611,7 @@ def fits(xyz, poses, size, table, gaussians):
 
 
 @njit(cache=True, nogil=True)
-def overlap(xyz, weight, pose, size, table, gaussians):
+def overlap(xyz, weight, pose, size, table, cell_keys, gaussians):
     """Compute the share of the points, by weight, whose own cell has a Gaussian with information.
 
     Args:
@@ -581,38 +620,43 @@ def overlap(xyz, weight, pose, size, table, gaussians):
         pose: Pose (4, 4) of the points in the map.
         size: Size of the cells [m].
         table: Hash table of the cells.
+        cell_keys: Keys of the cells.
         gaussians: Gaussians of the cells.
     """
     met, total = 0.0, 1e-9
     inverse_size = 1.0 / size
     for i in range(len(xyz)):
         x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
-        slot = _find(table, _key(x + pose[0, 3], y + pose[1, 3], z + pose[2, 3], inverse_size))
+        cell = _lookup(table, cell_keys, _key(x + pose[0, 3], y + pose[1, 3], z + pose[2, 3], inverse_size))
         total += weight[i]
-        if table[slot, 0] != EMPTY and _has_information(gaussians[table[slot, 1]]):
+        if cell >= 0 and _has_information(gaussians[cell]):
             met += weight[i]
     return met / total
 
 
 @njit(cache=True, nogil=True)
-def reaches_overlap(xyz, weight, pose, size, share, table, gaussians):
-    """Whether the `overlap` is at least `share`. Most of the points need not be looked at where it is large."""
+def reaches_overlap(xyz, weight, pose, size, share, table, cell_keys, gaussians):
+    """Whether the `overlap` is at least `share`. Most of the points need not be looked at where it is large.
+
+    They are looked at in several passes over the scan, whose parts differ: upper rings meet fewer surfaces.
+    """
     met, total = 0.0, 1e-9
     for i in range(len(xyz)):
         total += weight[i]
     inverse_size = 1.0 / size
-    for i in range(len(xyz)):
-        x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
-        cell = _lookup(table, _key(x + pose[0, 3], y + pose[1, 3], z + pose[2, 3], inverse_size))
-        if cell >= 0 and _has_information(gaussians[cell]):
-            met += weight[i]
-            if met / total >= share:
-                return True
+    for start in range(PASSES):
+        for i in range(start, len(xyz), PASSES):
+            x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
+            cell = _lookup(table, cell_keys, _key(x + pose[0, 3], y + pose[1, 3], z + pose[2, 3], inverse_size))
+            if cell >= 0 and _has_information(gaussians[cell]):
+                met += weight[i]
+        if met / total >= share:
+            return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def support(xyz, weight, pose, size, kernel, axes, table, gaussians):
+def support(xyz, weight, pose, size, kernel, table, cell_keys, gaussians):
     """Compute the directions that the surfaces face to which the points are matched.
 
     Args:
@@ -621,42 +665,61 @@ def support(xyz, weight, pose, size, kernel, axes, table, gaussians):
         pose: Pose (4, 4) of the points in the map.
         size: Size of the cells [m].
         kernel: Scale of the robust weights, which are those of `normal_equations`.
-        axes: Unit vectors (K, 3), one per row, in the axes of the map.
         table: Hash table of the cells.
+        cell_keys: Keys of the cells.
         gaussians: Gaussians of the cells.
 
     Returns:
-        The weighted mean (3, 3) of n n^T over the surface normals n, trace 1, in the axes of the map; and its part (K,)
-        along each of the `axes`, without the surfaces that may face this axis by the tilt of their normals only.
+        The weighted mean (3, 3) of n n^T over the surface normals n, trace 1, in the axes of the map; the rows (N,) of
+        the points' cells; and the weights (N,) of their surfaces in the mean, 0 without a surface.
     """
-    normals, beyond_tilt = np.zeros((3, 3)), np.zeros(len(axes))
+    normals, counted = np.zeros((3, 3)), np.zeros(len(xyz))
     total = 1e-12
     inverse_kernel = 1.0 / (kernel * kernel)
-    cells = _cells_of(xyz, pose, size, 1, table)
+    cells = _cells_of(xyz, pose, size, 1, table, cell_keys)[:, 0]
     for i in range(len(xyz)):
-        x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
-        x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
-        cell = cells[i, 0]
+        cell = cells[i]
         if cell < 0 or not _has_information(gaussians[cell]):
             continue
+        x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
         S = gaussians[cell]
-        u = weight[i] / (1.0 + _mahalanobis(S, x, y, z) * inverse_kernel)
-        total += u
-        u /= S[3] + S[6] + S[8]
+        m = _mahalanobis(S, x + pose[0, 3], y + pose[1, 3], z + pose[2, 3])
+        counted[i] = weight[i] / (1.0 + m * inverse_kernel)
+        total += counted[i]
+        u = counted[i] / (S[3] + S[6] + S[8])
         normals[0, 0] += u * S[3]
         normals[0, 1] += u * S[4]
         normals[0, 2] += u * S[5]
         normals[1, 1] += u * S[6]
         normals[1, 2] += u * S[7]
         normals[2, 2] += u * S[8]
-        for k in range(len(axes)):
-            share = _information_along(S, axes[k, 0], axes[k, 1], axes[k, 2])
-            if share > TILT_GATE * S[9] * (S[3] + S[6] + S[8]):
-                beyond_tilt[k] += u * share
     for i in range(3):
         for j in range(i):
             normals[i, j] = normals[j, i]
-    return normals / total, beyond_tilt / total
+    return normals / total, cells, counted / total
+
+
+@njit(cache=True, nogil=True)
+def facing(cells, weight, axes, gaussians):
+    """Compute the part (K,) of the surfaces that face each of several axes by more than the tilt of their normals.
+
+    Args:
+        cells: Rows (N,) of the points' cells, as of `support`.
+        weight: Weights (N,) of their surfaces.
+        axes: Unit vectors (K, 3), one per row, in the axes of the map.
+        gaussians: Gaussians of the cells.
+    """
+    shares = np.zeros(len(axes))
+    for i in range(len(cells)):
+        if weight[i] == 0.0:
+            continue
+        S = gaussians[cells[i]]
+        trace = S[3] + S[6] + S[8]
+        for k in range(len(axes)):
+            share = _information_along(S, axes[k, 0], axes[k, 1], axes[k, 2]) / trace
+            if share > TILT_GATE * S[9]:
+                shares[k] += weight[i] * share
+    return shares
 
 
 @njit(forceinline=True)
@@ -672,7 +735,7 @@ def _mahalanobis(S, x, y, z):
 
 
 @njit(cache=True, nogil=True)
-def evidence(xyz, weight, pose, relevance, size, block, max_weight, table, gaussians, blocks):
+def evidence(xyz, weight, pose, relevance, size, block, max_weight, table, cell_keys, gaussians, blocks):
     """Compute the evidence for a pose: the sum of the fit over cubic blocks, times the mean fit.
 
     The mean fit corrects for the amount of points that can fit, which is larger where a scan meets its own ring
@@ -688,20 +751,22 @@ def evidence(xyz, weight, pose, relevance, size, block, max_weight, table, gauss
         block: Size of the blocks [m].
         max_weight: Maximum weight of a block, so that a lorry that drives along has no more weight than a lamp post.
         table: Hash table of the cells.
+        cell_keys: Keys of the cells.
         gaussians: Gaussians of the cells.
         blocks: Hash table with at least 2 N rows, overwritten.
     """
-    blocks[:, 0] = EMPTY
+    blocks[:] = EMPTY
+    block_keys = np.empty(len(xyz), np.int64)
     inverse_size, inverse_block = 1.0 / size, 1.0 / block
     mass = np.zeros((len(xyz), 2))
     count = 0
     for i in range(len(xyz)):
         x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
         x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
-        slot = _find(table, _key(x, y, z, inverse_size))
-        if table[slot, 0] == EMPTY or not _has_information(gaussians[table[slot, 1]]):
+        cell = _lookup(table, cell_keys, _key(x, y, z, inverse_size))
+        if cell < 0 or not _has_information(gaussians[cell]):
             continue
-        S = gaussians[table[slot, 1]]
+        S = gaussians[cell]
         relevant = (
             relevance[0, 0] * S[3]
             + relevance[1, 1] * S[6]
@@ -709,13 +774,14 @@ def evidence(xyz, weight, pose, relevance, size, block, max_weight, table, gauss
             + 2.0 * (relevance[0, 1] * S[4] + relevance[0, 2] * S[5] + relevance[1, 2] * S[7])
         )
         relevant *= weight[i] / (S[3] + S[6] + S[8])
-        slot = _find(blocks, _key(x, y, z, inverse_block))
-        if blocks[slot, 0] == EMPTY:
-            blocks[slot, 0] = _key(x, y, z, inverse_block)
-            blocks[slot, 1] = count
+        key = _key(x, y, z, inverse_block)
+        slot = _find(blocks, block_keys, key)
+        if blocks[slot] == EMPTY:
+            blocks[slot] = count
+            block_keys[count] = key
             count += 1
-        mass[blocks[slot, 1], 0] += relevant
-        mass[blocks[slot, 1], 1] += relevant * math.exp(-0.5 * _mahalanobis(S, x, y, z))
+        mass[blocks[slot], 0] += relevant
+        mass[blocks[slot], 1] += relevant * math.exp(-0.5 * _mahalanobis(S, x, y, z))
     total, possible = 0.0, 1e-12
     for k in range(count):
         if mass[k, 0] > 0.0:
@@ -726,7 +792,20 @@ def evidence(xyz, weight, pose, relevance, size, block, max_weight, table, gauss
 
 
 @njit(cache=True, nogil=True)
-def merge(fine_sums, fine_count, size, min_points, regularisation, pose, table, sums, gaussians, cell_keys):
+def merge(
+    fine_sums,
+    fine_keys,
+    fine_count,
+    fine_size,
+    size,
+    min_points,
+    regularisation,
+    pose,
+    table,
+    sums,
+    gaussians,
+    cell_keys,
+):
     """Fill empty cells of a larger `size` with the moments of finer cells; return their number.
 
     The Gaussians have surface information, for a sensor at `pose` (4, 4).
@@ -736,31 +815,70 @@ def merge(fine_sums, fine_count, size, min_points, regularisation, pose, table, 
     count = 0
     for i in range(fine_count):
         fine = fine_sums[i]
-        key = _key(fine[_MEAN], fine[_MEAN + 1], fine[_MEAN + 2], inverse_size)
-        slot = _find(table, key)
-        if table[slot, 0] == EMPTY:
+        x, y, z = _centre(fine_keys[i], fine_size)
+        key = _key(x, y, z, inverse_size)
+        slot = _find(table, cell_keys, key)
+        if table[slot] == EMPTY:
             _add_cell(key, slot, count, table, sums, gaussians, cell_keys)
             count += 1
-        row = sums[table[slot, 1]]
-        total = row[0] + fine[0]
-        dx, dy, dz = fine[_MEAN] - row[_MEAN], fine[_MEAN + 1] - row[_MEAN + 1], fine[_MEAN + 2] - row[_MEAN + 2]
-        between = row[0] * fine[0] / total
-        row[_SCATTER] += fine[_SCATTER] + between * dx * dx
-        row[_SCATTER + 1] += fine[_SCATTER + 1] + between * dx * dy
-        row[_SCATTER + 2] += fine[_SCATTER + 2] + between * dx * dz
-        row[_SCATTER + 3] += fine[_SCATTER + 3] + between * dy * dy
-        row[_SCATTER + 4] += fine[_SCATTER + 4] + between * dy * dz
-        row[_SCATTER + 5] += fine[_SCATTER + 5] + between * dz * dz
-        gain = fine[0] / total
-        row[_MEAN] += gain * dx
-        row[_MEAN + 1] += gain * dy
-        row[_MEAN + 2] += gain * dz
-        row[0] = total
-        row[_COUNT] += fine[_COUNT]
+        row = sums[table[slot]]
+        cx, cy, cz = _centre(key, size)
+        dx, dy, dz = x - cx, y - cy, z - cz  # sums of w (d + o) and of w (d + o) (d + o)^T, for the offset d of a cell
+        for k in range(SUMS):
+            row[k] += fine[k]
+        ox, oy, oz = fine[_FIRST], fine[_FIRST + 1], fine[_FIRST + 2]
+        row[_SECOND] += 2.0 * dx * ox
+        row[_SECOND + 1] += dx * oy + dy * ox
+        row[_SECOND + 2] += dx * oz + dz * ox
+        row[_SECOND + 3] += 2.0 * dy * oy
+        row[_SECOND + 4] += dy * oz + dz * oy
+        row[_SECOND + 5] += 2.0 * dz * oz
+        _add_moments(row, fine[0] * dx, fine[0] * dy, fine[0] * dz, dx, dy, dz)
     for cell in range(count):
         if sums[cell, _COUNT] >= min_points:
-            _update_gaussian(cell, sums, gaussians, regularisation, size, True, pose, A)
+            _update_gaussian(cell, cell_keys[cell], sums, gaussians, regularisation, size, True, pose, A)
     return count
+
+
+@njit(cache=True, nogil=True)
+def stepped(pose, H, gradient, free, ridge):
+    """Take one Gauss-Newton step: a rotation about the sensor and a translation of it, both in the target's axes.
+
+    Args:
+        pose: Pose (4, 4).
+        H: Normal matrix (6, 6).
+        gradient: Gradient (6,).
+        free: Orthonormal directions (6, K), one per column, along which a step may be taken.
+        ridge: Share of the trace of the normal matrix on its diagonal.
+
+    Returns:
+        The new pose (4, 4), and the step (6,).
+    """
+    A = free.T @ H @ free
+    scale = max(np.trace(A), 1e-12)
+    for k in range(len(A)):
+        A[k, k] += ridge * scale
+    step = -(free @ np.linalg.solve(A, free.T @ gradient))
+    R = _rotation_matrix(step[0], step[1], step[2]) @ np.ascontiguousarray(pose[:3, :3])
+    R = 0.5 * (3.0 * R - R @ R.T @ R)  # a Newton step to the nearest rotation: rounding errors accumulate
+    out = pose.copy()
+    out[:3, :3] = R
+    for axis in range(3):
+        out[axis, 3] += step[3 + axis]
+    return out, step
+
+
+@njit
+def _rotation_matrix(x, y, z):
+    """Rotation matrix (3, 3) of a rotation vector [rad]."""
+    squared = x * x + y * y + z * z
+    angle = math.sqrt(squared)
+    if angle < 1e-6:
+        a, b = 1.0, 0.5
+    else:
+        a, b = math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + a * K + b * (K @ K)
 
 
 @njit(cache=True, nogil=True)
@@ -769,18 +887,19 @@ def clustered_scatter(xyz, scores, size, table):
 
     `table` is a hash table with at least 2 N rows, overwritten.
     """
-    table[:, 0] = EMPTY
+    table[:] = EMPTY
+    keys = np.empty(len(xyz), np.int64)
     inverse_size = 1.0 / size
     cells = np.empty(len(xyz), np.int64)
     count = 0
     for i in range(len(xyz)):
         key = _key(xyz[i, 0], xyz[i, 1], xyz[i, 2], inverse_size)
-        slot = _find(table, key)
-        if table[slot, 0] == EMPTY:
-            table[slot, 0] = key
-            table[slot, 1] = count
+        slot = _find(table, keys, key)
+        if table[slot] == EMPTY:
+            table[slot] = count
+            keys[count] = key
             count += 1
-        cells[i] = table[slot, 1]
+        cells[i] = table[slot]
     sums = np.zeros((count, 6))
     for i in range(len(xyz)):
         for k in range(6):

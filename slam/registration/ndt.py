@@ -75,7 +75,7 @@ class NdtTarget:
 
     def score(self, xyz: Array, weight: Array, pose: Array) -> float:
         """Return the paper's eq. 5 at the coarsest level, divided by the number of points; higher is better."""
-        return self._linearise(self.levels[0], xyz, weight, pose).score
+        return self._linearise(self.levels[0], xyz, weight, pose, scored=True).score
 
     def scorer(self, xyz: Array, weight: Array, centre: Array) -> Callable[[Array], float]:
         """Return a function that scores poses (4, 4) of a scan; higher is better.
@@ -185,9 +185,17 @@ class NdtTarget:
         return unobserved(self.levels[-1], xyz, weight, pose, self.kernel_scale, before)
 
     def _linearise(
-        self, level: VoxelGaussians, xyz: Array, weight: Array, pose: Array, scores: Array = NO_SCORES
+        self,
+        level: VoxelGaussians,
+        xyz: Array,
+        weight: Array,
+        pose: Array,
+        scores: Array = NO_SCORES,
+        scored: bool = False,
     ) -> Linearisation:
-        H, gradient, totals = level.normal_equations(xyz, weight, pose, self.neighbours, self.kernel_scale, scores)
+        H, gradient, totals = level.normal_equations(
+            xyz, weight, pose, self.neighbours, self.kernel_scale, scores, scored
+        )
         robust, cost, inliers, score, met, total = totals
         # residuals per point; their whitened variance is 1 where the Gaussians describe the points correctly
         dimensions = 1.0 if self.surfaces else 3.0

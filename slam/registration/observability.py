@@ -32,8 +32,8 @@ def unobserved(cells: VoxelGaussians, xyz: Array, weight: Array, pose: Array, ke
     Returns:
         Unit vectors (K, 3) in the axes of the map, at most two: a registered scan constrains one direction at least.
     """
-    normals, _ = cells.support(xyz, weight, pose, kernel)
+    normals, rows, counted = cells.support(xyz, weight, pose, kernel)
     axes = np.ascontiguousarray(np.linalg.eigh(normals)[1].T[:2])  # rows, the weakest first
-    _, shares = cells.support(xyz, weight, pose, kernel, axes)
+    shares = cells.facing(rows, counted, axes)
     known = (np.abs(axes @ before.T) > SAME_DIRECTION).any(axis=1)
     return np.asarray(axes[shares < np.where(known, REOBSERVED_SHARE, MIN_SHARE)])

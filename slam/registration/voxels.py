@@ -7,12 +7,13 @@ import numpy as np
 from slam.data.cloud import Array
 from slam.registration import kernels
 
-NO_SCORES, NO_AXES = np.zeros((0, 6)), np.zeros((0, 3))
+NO_SCORES = np.zeros((0, 6))
+NO_TIMES = np.zeros(0, np.float32)
 
 
 def hash_table(entries: int) -> Array:
-    """Return an empty hash table (S, 2) int64, see `kernels`, at most half full with this number of entries."""
-    return np.full((1 << max(10, (2 * entries - 1).bit_length()), 2), kernels.EMPTY)
+    """Return an empty hash table (S,) int32, see `kernels`, at most half full with this number of entries."""
+    return np.full(1 << max(10, (2 * entries - 1).bit_length()), kernels.EMPTY)
 
 
 class VoxelFilter:
@@ -28,18 +29,20 @@ class VoxelFilter:
         self.size, self.min_range, self.max_range = size, min_range, max_range
         self._scratch = hash_table(1)
 
-    def __call__(self, xyz: Array, weight: Array) -> tuple[Array, Array, Array]:
+    def __call__(self, xyz: Array, weight: Array, time: Array | None = None) -> tuple[Array, Array, Array]:
         """Downsample a cloud.
 
         Args:
             xyz: Points (N, 3) float32.
             weight: Their weights (N,) float32.
+            time: Their times (N,) float32 [s], or None.
 
         Returns:
-            Centroids (M, 3), mean weights (M,), and the index (M,) of the first point of each cell.
+            Centroids (M, 3), mean weights (M,) and mean times (M,), 0 without times; in the order of the first points.
         """
+        limits = self.size, self.min_range, self.max_range
         while True:
-            *thinned, fits = kernels.downsample(xyz, weight, self.size, self.min_range, self.max_range, self._scratch)
+            *thinned, fits = kernels.downsample(xyz, weight, NO_TIMES if time is None else time, *limits, self._scratch)
             if fits:
                 return thinned[0], thinned[1], thinned[2]
             self._scratch = hash_table(len(self._scratch))
@@ -64,7 +67,7 @@ class VoxelGaussians:
         self.size, self.min_points, self.max_points, self.regularisation = size, min_points, max_points, regularisation
         self.surfaces = surfaces
         self._pose = np.eye(4)  # of the last scan inserted
-        self._sums, self._gaussians = np.zeros((0, 11)), np.zeros((0, kernels.GAUSSIAN))
+        self._sums, self._gaussians = np.zeros((0, kernels.SUMS)), np.zeros((0, kernels.GAUSSIAN))
         self._cell_keys = np.zeros(0, np.int64)
         self.clear()
 
@@ -79,7 +82,7 @@ class VoxelGaussians:
     def insert(self, xyz: Array, weight: Array, pose: Array) -> None:
         """Add points (N, 3) float32 with weights (N,) float32, transformed by the sensor's pose (4, 4)."""
         if self._count + len(xyz) > len(self._sums):
-            self._allocate(2 * (self._count + len(xyz)))
+            self._allocate(3 * (self._count + len(xyz)) // 2)
         self._pose = pose
         self._count = kernels.insert(
             xyz, weight, pose, self.size, self.min_points, self.max_points, self.regularisation, self.surfaces,
@@ -88,15 +91,15 @@ class VoxelGaussians:
 
     def compact(self) -> None:
         """Reduce the memory to that of the cells, for maps that are kept; `insert` is not possible afterwards."""
-        self._gaussians, self._sums = self._gaussians[: self._count].copy(), np.zeros((0, 11))
+        self._gaussians, self._sums = self._gaussians[: self._count].copy(), np.zeros((0, kernels.SUMS))
         self._table = hash_table(self._count)
+        self._cell_keys = self._cell_keys[: self._count].copy()
         kernels.rehash(self._cell_keys, self._count, self._table)
-        self._cell_keys = np.zeros(0, np.int64)
 
     def evict(self, centre: Array, radius: float) -> None:
         """Remove the cells further than `radius` [m] from `centre` (3,)."""
         self._count = kernels.evict(
-            centre, radius, self._table, self._sums, self._gaussians, self._cell_keys, self._count
+            centre, radius, self.size, self._table, self._sums, self._gaussians, self._cell_keys, self._count
         )
 
     def coarser(self, factor: int) -> VoxelGaussians:
@@ -108,51 +111,76 @@ class VoxelGaussians:
             coarse._allocate(self._count)
         coarse._pose = self._pose
         coarse._count = kernels.merge(
-            self._sums, self._count, coarse.size, self.min_points, self.regularisation, self._pose,
-            coarse._table, coarse._sums, coarse._gaussians, coarse._cell_keys,
+            self._sums, self._cell_keys, self._count, self.size,
+            coarse.size, self.min_points, self.regularisation, self._pose, coarse._table, coarse._sums,
+            coarse._gaussians, coarse._cell_keys,
         )  # fmt: skip
         return coarse
 
     def normal_equations(
-        self, xyz: Array, weight: Array, pose: Array, neighbours: int, kernel: float, scores: Array = NO_SCORES
+        self,
+        xyz: Array,
+        weight: Array,
+        pose: Array,
+        neighbours: int,
+        kernel: float,
+        scores: Array = NO_SCORES,
+        scored: bool = False,
     ) -> tuple[Array, Array, Array]:
         """Return H, gradient and sums of one NDT linearisation, see `kernels.normal_equations`."""
         return kernels.normal_equations(
-            xyz, weight, pose, self.size, neighbours, kernel, self._table, self._gaussians, scores
-        )
+            xyz, weight, pose, self.size, neighbours, kernel,
+            self._table, self._cell_keys, self._gaussians, scores, scored,
+        )  # fmt: skip
 
     def fits(self, xyz: Array, poses: Array) -> Array:
         """Return score and number of inliers (P, 2) of points (N, 3) at poses (P, 4, 4), see `kernels.fits`."""
-        return kernels.fits(xyz, poses, self.size, self._table, self._gaussians)
+        return kernels.fits(xyz, poses, self.size, self._table, self._cell_keys, self._gaussians)
 
     def overlap(self, xyz: Array, weight: Array, pose: Array) -> float:
         """Return the share of the points that meet a Gaussian, see `kernels.overlap`."""
-        return kernels.overlap(xyz, weight, pose, self.size, self._table, self._gaussians)
+        return kernels.overlap(xyz, weight, pose, self.size, self._table, self._cell_keys, self._gaussians)
 
     def reaches_overlap(self, xyz: Array, weight: Array, pose: Array, share: float) -> bool:
         """Return whether at least a share of the points meets a Gaussian, see `kernels.overlap`."""
-        return kernels.reaches_overlap(xyz, weight, pose, self.size, share, self._table, self._gaussians)
+        return kernels.reaches_overlap(
+            xyz, weight, pose, self.size, share, self._table, self._cell_keys, self._gaussians
+        )
 
-    def support(
-        self, xyz: Array, weight: Array, pose: Array, kernel: float, axes: Array = NO_AXES
-    ) -> tuple[Array, Array]:
+    def support(self, xyz: Array, weight: Array, pose: Array, kernel: float) -> tuple[Array, Array, Array]:
         """Return the directions that the surfaces face, see `kernels.support`."""
-        return kernels.support(xyz, weight, pose, self.size, kernel, axes, self._table, self._gaussians)
+        return kernels.support(xyz, weight, pose, self.size, kernel, self._table, self._cell_keys, self._gaussians)
+
+    def facing(self, cells: Array, weight: Array, axes: Array) -> Array:
+        """Return the part (K,) of the surfaces that face each of the axes (K, 3), see `kernels.facing`."""
+        return kernels.facing(cells, weight, axes, self._gaussians)
 
     def evidence(
         self, xyz: Array, weight: Array, pose: Array, relevance: Array, block: float, max_weight: float, scratch: Array
     ) -> float:
         """Return the evidence for a pose, see `kernels.evidence`."""
         return kernels.evidence(
-            xyz, weight, pose, relevance, self.size, block, max_weight, self._table, self._gaussians, scratch
+            xyz,
+            weight,
+            pose,
+            relevance,
+            self.size,
+            block,
+            max_weight,
+            self._table,
+            self._cell_keys,
+            self._gaussians,
+            scratch,
         )
 
     def _allocate(self, capacity: int) -> None:
         """Grow to `capacity` cells, and keep the existing ones."""
         old = (self._sums, self._gaussians, self._cell_keys)
-        self._sums, self._gaussians = np.zeros((capacity, 11)), np.zeros((capacity, kernels.GAUSSIAN))
+        self._sums, self._gaussians = np.zeros((capacity, kernels.SUMS)), np.zeros((capacity, kernels.GAUSSIAN))
         self._cell_keys = np.zeros(capacity, np.int64)
         for new, values in zip((self._sums, self._gaussians, self._cell_keys), old, strict=True):
             new[: self._count] = values[: self._count]
-        self._table = hash_table(capacity)
+        self._table = hash_table(
+            2 * capacity // 3
+        )  # at most three quarters full, if each point makes a cell of its own
         kernels.rehash(self._cell_keys, self._count, self._table)

@@ -316,7 +316,7 @@ def through(dataset: Dataset, frames: Iterable[int]) -> Tracked:
     odometry, tracked = odometry_for(dataset), Tracked([], [])
     for i in frames:
         frame = dataset[i]
-        tracked.steps.append(replace(odometry.register(frame.cloud, frame.stamp), cloud=EMPTY))
+        tracked.steps.append(replace(odometry.register(frame.cloud, frame.stamp), recorded=EMPTY))
         tracked.sizes.append(len(odometry.target))
     return tracked
 

@@ -72,7 +72,8 @@ def test_a_plane_constrains_one_direction() -> None:
 def test_an_unobservable_direction_becomes_observable_above_a_higher_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
     """Hysteresis: with a niche in the tunnel, between the two thresholds, the direction keeps its state."""
     scene = seen(NICHE)
-    share = scene[0].support(*scene[1:], 1.0, np.eye(3))[1][0]
+    cells, *scan = scene
+    share = cells.facing(*cells.support(*scan, 1.0)[1:], np.eye(3))[0]
     monkeypatch.setattr(observability, "MIN_SHARE", share / 2)
     monkeypatch.setattr(observability, "REOBSERVED_SHARE", share * 2)
     assert len(unobserved(*scene, 1.0, NONE)) == 0

@@ -40,10 +40,10 @@ def gaussian(cells: VoxelGaussians, probe: Array) -> tuple[Array, Array] | None:
 
 def test_centroids_of_a_literal_cloud() -> None:
     xyz = np.array([[5.1, 0.1, 0.1], [1.2, 0.2, 0.2], [5.3, 0.5, 0.3], [1.4, 0.6, 0.4], [-0.1, 1.1, 0.5]], np.float32)
-    centroids, weights, source = VoxelFilter(1.0)(xyz, ones(xyz))
+    centroids, weights, times = VoxelFilter(1.0)(xyz, ones(xyz), np.array([0, 1, 2, 3, 4], np.float32))
     np.testing.assert_allclose(centroids, [[5.2, 0.3, 0.2], [1.3, 0.4, 0.3], [-0.1, 1.1, 0.5]], atol=1e-6)
     assert weights.tolist() == [1, 1, 1]
-    assert source.tolist() == [0, 1, 4]  # in the order of the cells' first points
+    assert times.tolist() == [1, 2, 4]  # in the order of the cells' first points
     assert centroids.dtype == weights.dtype == np.float32
 
 
@@ -61,8 +61,8 @@ def test_cells_on_both_sides_of_the_origin_differ() -> None:
 
 def test_points_outside_the_range_limits_and_nan_are_removed() -> None:
     xyz = np.array([[1, 0, 0], [3, 0, 0], [0, 0, 0], [9, 9, 0], [np.nan, 5, 5], [5, np.inf, 5], [0, 4, 0]], np.float32)
-    centroids, weights, source = VoxelFilter(0.5, 2.0, 10.0)(xyz, ones(xyz))
-    assert source.tolist() == [1, 6]
+    centroids, weights, times = VoxelFilter(0.5, 2.0, 10.0)(xyz, ones(xyz), np.arange(7, dtype=np.float32))
+    assert times.tolist() == [1, 6]
     assert weights.tolist() == [1, 1]
     np.testing.assert_array_equal(centroids, xyz[[1, 6]])
 
@@ -70,13 +70,13 @@ def test_points_outside_the_range_limits_and_nan_are_removed() -> None:
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_points_that_are_not_finite_are_removed_without_a_range_limit(bad: float) -> None:
     xyz = np.array([[1, 1, 1], [bad, 1, 1], [1, 1, bad]], np.float32)
-    assert VoxelFilter(0.5)(xyz, ones(xyz))[2].tolist() == [0]
+    assert VoxelFilter(0.5)(xyz, ones(xyz))[0].tolist() == [[1, 1, 1]]
 
 
 def test_an_empty_cloud_remains_empty() -> None:
-    centroids, weights, source = VoxelFilter(0.5)(np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+    centroids, weights, times = VoxelFilter(0.5)(np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
     assert centroids.shape == (0, 3)
-    assert len(weights) == len(source) == 0
+    assert len(weights) == len(times) == 0
 
 
 @settings(deadline=None, max_examples=30)
@@ -87,14 +87,14 @@ def test_filter_agrees_with_numpy(seed: int, count: int, size: float) -> None:
     weight = rng.uniform(0.1, 1, count).astype(np.float32)
     thin = VoxelFilter(size)
     thin(xyz[::-1].copy(), weight)  # the scratch memory of the last scan does not matter
-    centroids, weights, source = thin(xyz, weight)
+    centroids, weights, times = thin(xyz, weight, xyz[:, 0].copy())
 
     cells = np.floor(xyz.astype(float) / size).astype(int)
     _, first, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     total = np.bincount(cell.ravel(), weight)
     mean = np.column_stack([np.bincount(cell.ravel(), weight * xyz[:, k]) / total for k in range(3)])
-    np.testing.assert_array_equal(source, first[order])
+    np.testing.assert_allclose(times, mean[order, 0], atol=1e-5)
     np.testing.assert_allclose(centroids, mean[order], atol=1e-5)
     np.testing.assert_allclose(weights, (total / np.bincount(cell.ravel()))[order], rtol=1e-5)
 
