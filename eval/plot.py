@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,19 +12,17 @@ from eval.evaluation import pair_up
 from eval.trajectory import distances
 from slam.data.body_frame import body_frame
 from slam.data.cloud import Array
-from slam.data.drawing.axes import GAP, LABEL, Axes, Scale
-from slam.data.drawing.fonts import text_width
-from slam.data.drawing.raster import save_png
-from slam.data.drawing.shapes import POINT, Area, Box, Drawing, Line, Shape, Text
-from slam.data.plot_style import BLUE, GREY, INK, VERMILION
+from slam.data.plot_style import BLUE, GREY, INK, VERMILION, save_png, tidy
 from slam.data.pose_files import read_poses
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: Ground truth is drawn as a broad band under the estimate.
 ESTIMATE, TRUTH, ERROR = BLUE, GREY, VERMILION
 
-WIDTH, ERROR_HEIGHT, EDGE = 1200, 200, 14  # pixels: the figure, the error's axes, around what is drawn
-TITLE = 13 * POINT
-SAMPLE = 50  # pixels of a line in the legend
+#: Sizes [inches]: width of the figure, height of the error panel with labels, height of the map's title and labels.
+WIDTH, ERROR_HEIGHT, MAP_FRAME = 8.0, 1.9, 1.3
 
 #: Limits of the map: minimum and maximum ratio of height to width, and minimum width [m].
 MIN_ASPECT, MAX_ASPECT, MIN_SPAN = 0.3, 0.95, 4.0
@@ -53,6 +52,8 @@ def plot_trajectory(
     Raises:
         InputError: The poses cannot be associated.
     """
+    from matplotlib.figure import Figure
+
     error = None
     if reference is not None:
         e, g = pair_up(estimate, reference, stamps, reference_stamps)
@@ -64,21 +65,21 @@ def plot_trajectory(
     reference_xy = None if reference is None else reference[:, axes, 3]
     center, span = _window(estimate_xy if reference_xy is None else np.concatenate([estimate_xy, reference_xy]))
 
-    names = tuple(f"{'xyz'[axis]} [m]" for axis in axes)
-    left = round(EDGE + 1.6 * LABEL + text_width("\N{MINUS SIGN}0000", LABEL) + GAP)
-    right, top = WIDTH - EDGE, EDGE + 1.6 * TITLE + 1.7 * LABEL
-    map_box = Box(left, top, right, top + round((right - left) * span[1] / span[0]))
-    x, y = (Scale(center[axis] - span[axis] / 2, center[axis] + span[axis] / 2) for axis in (0, 1))
-    shapes = [
-        Text(left, EDGE + TITLE, title, INK, TITLE, bold=True),
-        *_map(Axes(map_box, x, y), names, estimate_xy, reference_xy, error),
-    ]
-    bottom = map_box.bottom
-    if error is not None:
-        above = bottom + GAP + 4 * LABEL
-        bottom = above + ERROR_HEIGHT
-        shapes += _error(Box(left, above, right, bottom), distances(g), error)
-    save_png(Drawing(WIDTH, round(bottom + GAP + 3 * LABEL + EDGE), shapes), path_png)
+    map_height = (WIDTH - MAP_FRAME) * span[1] / span[0] + MAP_FRAME
+    figure = Figure(figsize=(WIDTH, map_height + (ERROR_HEIGHT if error is not None else 0)), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.12, h_pad=0.12)  # type: ignore[union-attr, call-arg]
+    if error is None:
+        top = figure.subplots()
+    else:
+        top, bottom = figure.subplots(2, 1, height_ratios=[map_height, ERROR_HEIGHT])
+        _draw_error(bottom, distances(g), error)
+    _draw_map(top, estimate_xy, reference_xy, error)
+    top.set_xlim(center[0] - span[0] / 2, center[0] + span[0] / 2)
+    top.set_ylim(center[1] - span[1] / 2, center[1] + span[1] / 2)
+    top.set_xlabel(f"{'xyz'[axes[0]]} [m]")
+    top.set_ylabel(f"{'xyz'[axes[1]]} [m]")
+    top.set_title(title, loc="left", color=INK, fontsize=13, fontweight="bold", pad=32)
+    save_png(figure, path_png)
 
 
 def plot_run(folder: Path, title: str | None = None) -> Path:
@@ -111,45 +112,34 @@ def _window(xy: Array) -> tuple[Array, Array]:
     return (low + high) / 2, np.array([width, height])
 
 
-def _map(
-    axes: Axes, titles: tuple[str, ...], estimate: Array, reference: Array | None, error: Array | None
-) -> list[Shape]:
-    x_ticks, y_ticks = axes.x_ticks(), axes.y_ticks(1.3)
-    shapes: list[Shape] = [axes.grid(x_ticks, y_ticks)]
+def _draw_map(axes: Axes, estimate: Array, reference: Array | None, error: Array | None) -> None:
+    if reference is not None:
+        axes.plot(*reference.T, color=TRUTH, linewidth=5.5, solid_capstyle="round", label="ground truth")
     label = "estimate"
     if error is not None:
         label += f", aligned by SE(3) Umeyama (ATE {_metres(float(np.sqrt((error**2).mean())))} rmse)"
-    lines = [(estimate, ESTIMATE, 4.0, label)]
-    if reference is not None:
-        lines.insert(0, (reference, TRUTH, 11.5, "ground truth"))
-    at, height = axes.box.left, axes.box.top - LABEL
-    for xy, colour, width, name in lines:
-        shapes.append(Line(axes.at(*xy.T), colour, width, box=axes.box))
-        shapes.append(Line(np.array([[at + 4, height], [at + SAMPLE - 4, height]]), colour, width))
-        shapes.append(Text(at + SAMPLE + GAP, height, name, INK, middle=True))
-        at += SAMPLE + 4 * GAP + text_width(name, LABEL)
-    start = axes.at(*estimate[:1].T)
-    shapes += [Line(start, INK, 20), Line(start, "#FFFFFF", 13)]
-    shapes.append(Text(start[0, 0] + 16, start[0, 1] - 16, "start", INK))
-    return [*shapes, *axes.x_labels(x_ticks, titles[0]), *axes.y_labels(y_ticks, titles[1], EDGE + LABEL / 2)]
+    axes.plot(*estimate.T, color=ESTIMATE, linewidth=1.8, label=label)
+    start = estimate[0]
+    axes.plot(*start, "o", markersize=8, color="white", markeredgecolor=INK, markeredgewidth=1.6, zorder=4)
+    behind = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+    axes.annotate("start", start, xytext=(8, 8), textcoords="offset points", color=INK, fontsize=10, bbox=behind)
+    axes.set_aspect("equal")
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=2, frameon=False, fontsize=10, borderaxespad=0.2)
+    tidy(axes)
 
 
-def _error(box: Box, travelled: Array, error: Array) -> list[Shape]:
+def _draw_error(axes: Axes, travelled: Array, error: Array) -> None:
     """Error over the travelled distance, or over the frames of a standing vehicle; in centimetres below a metre."""
     stood = travelled[-1] < MIN_SPAN
     along, label = (np.arange(len(travelled)), "frame") if stood else (travelled, "travelled distance [m]")
     factor, unit = (1.0, "m") if error.max() >= 1 else (100.0, "cm")
-    axes = Axes(box, Scale(0.0, float(along[-1])), Scale(0.0, max(1.1 * factor * float(error.max()), 1e-2)))
-    curve = axes.at(along, factor * error)
-    x_ticks, y_ticks = axes.x_ticks(), axes.y_ticks()
-    below = axes.at(along[[-1, 0]], np.zeros(2))
-    return [
-        axes.grid(x_ticks, y_ticks),
-        Area(np.concatenate([curve, below]), ERROR, 0.15),
-        Line(curve, ERROR, 3.0),
-        *axes.x_labels(x_ticks, label),
-        *axes.y_labels(y_ticks, f"error [{unit}]", EDGE + LABEL / 2),
-    ]
+    axes.fill_between(along, factor * error, color=ERROR, alpha=0.15, linewidth=0)
+    axes.plot(along, factor * error, color=ERROR, linewidth=1.5)
+    axes.set_xlim(0, along[-1])
+    axes.set_ylim(0, max(1.1 * factor * float(error.max()), 1e-2))
+    axes.set_xlabel(label)
+    axes.set_ylabel(f"error [{unit}]")
+    tidy(axes)
 
 
 def _metres(value: float) -> str:

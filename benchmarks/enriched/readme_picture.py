@@ -14,7 +14,7 @@ from eval.report.scan import Scan
 from lidarlift.comparing import INPUTS
 from lidarlift.front_ends import front_end_for
 from slam.config import load_config
-from slam.data.drawing.raster import save_png
+from slam.data.plot_style import save_png
 
 FRAME = 100
 
@@ -28,7 +28,7 @@ def main() -> None:
     for name in INPUTS:
         settings = load_config(input=name, enricher="ray-segment").front_end
         scans[name] = Scan(FRAME, front_end_for(settings, data.sensor, data.path)(frame, ()))
-    save_png(scan_from_above(scans).drawing, options.file)
+    save_png(scan_from_above(scans).figure, options.file, dpi=110)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Description of a chart, which the page draws with plotly and the files with `slam.data.drawing`."""
+"""Description of a chart, which the page draws with plotly and the files with matplotlib."""
 
 from __future__ import annotations
 

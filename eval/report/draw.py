@@ -1,161 +1,120 @@
-"""Charts as drawings, which are written as PNG and SVG files."""
+"""Charts and pictures as PNG and SVG files, by matplotlib."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eval.report.chart import Chart, Curve, Panel
-from slam.data.atomic import write_text
-from slam.data.cloud import Array
-from slam.data.drawing.axes import GAP, LABEL, Y_TICK, Axes, Scale, Ticks, equal_scales, labels_width, mark
-from slam.data.drawing.fonts import text_width
-from slam.data.drawing.raster import save_png
-from slam.data.drawing.shapes import POINT, Area, Box, Drawing, Line, Shape, Text
-from slam.data.drawing.svg import svg
-from slam.data.plot_style import INK
+from slam.data.atomic import written_beside
+from slam.data.plot_style import INK, QUICK, tidy
 
-WIDTH, PANEL_HEIGHT, PANEL_GAP = 1200, 270, 30  # pixels
-FEW_PANELS = 1.6  # as high as so many panels is a chart of one
-EDGE = 14  # pixels between the border and what is drawn
-TITLE, LEGEND = 12 * POINT, 9 * POINT  # sizes of text
-LEGEND_ROW, SAMPLE = 1.45 * LEGEND, 42  # pixels: height of a row, length of a line in it
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DASHES = {"solid": "-", "dash": "--", "dot": ":"}
+SYMBOLS = {"circle": "o", "x": "x", "triangle": "^", "square": "s"}
+WIDTH, PANEL_HEIGHT = 8.0, 1.9  # inches
+COLUMNS = 4  # of a legend
+DPI = 150
 BAR_GROUP = 0.8  # of the distance between two categories
 
 
-def save(drawing: Drawing, folder: Path, key: str) -> None:
-    """Write a drawing as KEY.png and KEY.svg; text stays text in the SVG.
+def save(figure: Figure, folder: Path, key: str) -> None:
+    """Write a figure as KEY.png and KEY.svg; text stays text in the SVG.
 
     Raises:
         InputError: A file cannot be written.
     """
-    save_png(drawing, folder / f"{key}.png")
-    write_text(folder / f"{key}.svg", svg(drawing))
+    from matplotlib import rc_context
+
+    with written_beside(folder / f"{key}.png") as temporary:
+        figure.savefig(temporary, dpi=DPI, facecolor="white", pil_kwargs=QUICK)
+    figure.set_layout_engine("none")  # the layout is found, and takes longer than the drawing
+    with (
+        rc_context({"svg.fonttype": "none", "svg.hashsalt": key}),
+        written_beside(folder / f"{key}.svg") as temporary,
+    ):
+        figure.savefig(temporary, dpi=DPI, facecolor="white", metadata={"Date": None})
 
 
-def drawn(chart: Chart) -> Drawing:
-    """Draw a chart."""
-    scales = [_scale(panel) for panel in chart.panels]
-    ticks = [_y_ticks(panel, scale) for panel, scale in zip(chart.panels, scales, strict=True)]
-    left = EDGE + 1.6 * LABEL + max(map(labels_width, ticks)) + GAP
-    right = WIDTH - EDGE
-    legend, rows = _legend(chart, left, right)
-    top = EDGE + 1.5 * TITLE + rows * LEGEND_ROW + GAP
-    boxes = _boxes(chart, left, right, top)
-    below = GAP + 1.3 * LABEL + (1.5 * LABEL if chart.x_title else 0) + EDGE
-    title = Text(left, EDGE + TITLE, chart.title, INK, TITLE, bold=True)
-    drawing = Drawing(WIDTH, round(boxes[-1].bottom + below), [title, *legend])
-    x = _x_scale(chart)
-    for panel, scale, marks, box in zip(chart.panels, scales, ticks, boxes, strict=True):
-        axes = equal_scales(box, x, scale) if chart.equal else Axes(box, x, scale)
-        drawing.shapes.extend(_panel(panel, axes, _x_ticks(chart, axes), marks if panel.ticks else axes.y_ticks()))
-    drawing.shapes.extend(axes.x_labels(_x_ticks(chart, axes), chart.x_title))
-    return drawing
+def drawn(chart: Chart) -> Figure:
+    """Draw a chart by matplotlib."""
+    from matplotlib.figure import Figure
+
+    count = len(chart.panels)
+    height = WIDTH * aspect(chart) if chart.equal else PANEL_HEIGHT * max(count, 1.6)
+    figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained", facecolor="white")
+    axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    for axis, panel in zip(axes, chart.panels, strict=True):
+        _draw_panel(axis, panel, chart)
+    axes[-1].set_xlabel(chart.x_title, color=INK)
+    handles = dict(_handles(axes))
+    rows = -(-len(handles) // COLUMNS) if len(handles) > 1 else 0
+    axes[0].set_title(chart.title, loc="left", fontsize=12, fontweight="bold", color=INK, pad=6 + 16 * rows)
+    if rows:
+        place: Any = {"loc": "lower left", "bbox_to_anchor": (-0.01, 1.0), "borderaxespad": 0.2, "ncols": COLUMNS}
+        axes[0].legend(handles.values(), handles.keys(), frameon=False, fontsize=9, **place)
+    return figure
 
 
 def aspect(chart: Chart) -> float:
     """Return height by width of a map, within limits that fit a page."""
-    x, y = (_values(chart, name) for name in "xy")
+    curves = [curve for panel in chart.panels for curve in panel.curves]
+    x, y = (np.concatenate([getattr(curve, name) for curve in curves]) for name in "xy")
     if not (np.isfinite(x).any() and np.isfinite(y).any()):
         return 0.5
     width, height = np.nanmax(x) - np.nanmin(x), np.nanmax(y) - np.nanmin(y)
     return float(np.clip(height / max(width, 1e-6), 0.3, 0.9))
 
 
-def _values(chart: Chart, name: str) -> Array:
-    """The x or y of all curves."""
-    found = [getattr(curve, name) for panel in chart.panels for curve in panel.curves]
-    return np.concatenate([np.zeros(0), *found])
+def _draw_panel(axis: Axes, panel: Panel, chart: Chart) -> None:
+    from matplotlib.ticker import LogLocator, NullLocator
 
-
-def _boxes(chart: Chart, left: float, right: float, top: float) -> list[Box]:
-    """The boxes of the panels, from above."""
-    if chart.equal:
-        return [Box(left, top, right, top + round(aspect(chart) * (right - left)))]
-    count = len(chart.panels)
-    height = round(PANEL_HEIGHT * max(count, FEW_PANELS) / count)
-    return [Box(left, at, right, at + height) for at in top + np.arange(count) * (height + PANEL_GAP)]
-
-
-def _scale(panel: Panel) -> Scale:
-    """The y axis of a panel."""
-    if panel.ticks:
-        return Scale(-0.5, len(panel.ticks) - 0.5)
-    values = np.concatenate([*(curve.y for curve in panel.curves), *(bars.heights for bars in panel.bars)])
-    scale = Scale.around(values, log=panel.log)
-    return Scale(0.0, max(scale.high, 1e-9)) if panel.from_zero else scale
-
-
-def _x_scale(chart: Chart) -> Scale:
-    if chart.categories:
-        return Scale(-0.5, len(chart.categories) - 0.5)
-    return Scale.around(_values(chart, "x"))
-
-
-def _x_ticks(chart: Chart, axes: Axes) -> Ticks:
-    return list(enumerate(chart.categories)) if chart.categories else axes.x_ticks()
-
-
-def _y_ticks(panel: Panel, scale: Scale) -> Ticks:
-    return list(enumerate(panel.ticks)) if panel.ticks else scale.ticks(PANEL_HEIGHT / Y_TICK)
-
-
-def _panel(panel: Panel, axes: Axes, x_ticks: Ticks, y_ticks: Ticks) -> list[Shape]:
-    shapes: list[Shape] = [axes.grid(x_ticks, y_ticks)]
+    for curve in panel.curves:
+        _draw_curve(axis, curve)
     for k, bars in enumerate(panel.bars):
         width = BAR_GROUP / len(panel.bars)
-        middles = np.arange(len(bars.heights)) + (k - (len(panel.bars) - 1) / 2) * width
-        for middle, height in zip(middles, bars.heights, strict=True):
-            if np.isfinite(height):
-                ends = middle + 0.45 * width * np.array([-1, 1, 1, -1])
-                shapes.append(Area(axes.at(ends, np.array([0, 0, height, height])), bars.colour))
-    for curve in panel.curves:
-        shapes += _curve(curve, axes)
-    return [*shapes, *axes.y_labels(y_ticks, panel.y_title, EDGE + LABEL / 2)]
+        x = np.arange(len(bars.heights)) + (k - (len(panel.bars) - 1) / 2) * width
+        axis.bar(x, bars.heights, 0.9 * width, color=bars.colour, label=bars.label)
+    if panel.bars:
+        axis.set_xticks(range(len(chart.categories)), chart.categories)
+    if panel.ticks:
+        axis.set_yticks(range(len(panel.ticks)), panel.ticks)
+        axis.set_ylim(-0.5, len(panel.ticks) - 0.5)
+    if panel.log:
+        axis.set_yscale("log")
+        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_locator(NullLocator())
+    if panel.from_zero:
+        axis.set_ylim(bottom=0)
+    if chart.equal:
+        axis.set_aspect("equal", adjustable="datalim")
+    axis.set_ylabel(panel.y_title, color=INK)
+    tidy(axis)
 
 
-def _curve(curve: Curve, axes: Axes) -> list[Shape]:
-    points = axes.at(curve.x, curve.y)
-    shapes: list[Shape] = []
-    if curve.width:
-        shapes.append(Line(points, curve.colour, _width(curve), curve.dash, box=axes.box))
-    if curve.symbol:
-        shapes += [mark(point, curve.symbol, curve.colour) for point in points if np.isfinite(point).all()]
-    return shapes
+def _draw_curve(axis: Axes, curve: Curve) -> None:
+    axis.plot(
+        curve.x,
+        curve.y,
+        label=curve.label,
+        color=curve.colour,
+        linestyle=DASHES[curve.dash] if curve.width else "",
+        linewidth=0.75 * curve.width,  # points instead of pixels
+        marker=SYMBOLS[curve.symbol] if curve.symbol else None,
+        markersize=5,
+        solid_capstyle="round",
+    )
 
 
-def _width(curve: Curve) -> float:
-    return 0.75 * POINT * curve.width  # the page's pixels are 0.75 points
-
-
-def _legend(chart: Chart, left: float, right: float) -> tuple[list[Shape], int]:
-    """The entries of the legend, each label once, in rows below the title; and the number of rows."""
-    entries: dict[str, Curve | str] = {}
-    for panel in chart.panels:
-        for curve in panel.curves:
-            entries.setdefault(curve.label, curve)
-        for bars in panel.bars:
-            entries.setdefault(bars.label, bars.colour)
-    if len(entries) < 2:
-        return [], 0
-    shapes: list[Shape] = []
-    x, row = left, 0
-    for label, entry in entries.items():
-        width = SAMPLE + GAP + text_width(label, LEGEND)
-        if x > left and x + width > right:
-            x, row = left, row + 1
-        y = EDGE + 1.5 * TITLE + (row + 0.6) * LEGEND_ROW
-        shapes += _sample(entry, np.array([x, y]))
-        shapes.append(Text(x + SAMPLE + GAP, y, label, INK, LEGEND, middle=True))
-        x += width + 3 * GAP
-    return shapes, row + 1
-
-
-def _sample(entry: Curve | str, start: Array) -> list[Shape]:
-    """What stands for a curve, or for bars of a colour, on the left of its label."""
-    ends = start + np.array([[4, 0], [SAMPLE - 4, 0]])
-    if isinstance(entry, str):
-        return [Area(Box(*(ends[0] - [0, 8]), *(ends[1] + [0, 8])).corners, entry)]
-    line: list[Shape] = [Line(ends, entry.colour, _width(entry), entry.dash)] if entry.width else []
-    return [*line, *([mark(ends.mean(axis=0), entry.symbol, entry.colour)] if entry.symbol else [])]
+def _handles(axes: Any) -> Iterator[tuple[str, Any]]:
+    """The entries of the legend, each label once."""
+    for axis in axes:
+        handles, labels = axis.get_legend_handles_labels()
+        yield from zip(labels, handles, strict=True)

@@ -1,72 +1,72 @@
-"""Pictures of pixels: a scan from above and in the camera image, the maps next to each other."""
+"""Pictures drawn by matplotlib alone: a scan from above and in the camera image, the maps next to each other."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eval.report.scan import Scan
 from slam.data.camera import project, visible
 from slam.data.cloud import Array
-from slam.data.drawing.axes import BAR, GAP, LABEL, X_TICK, Axes, Scale, colour_bar, colour_bar_width, equal_scales
-from slam.data.drawing.colours import ColourMap, colours_of, rgb
-from slam.data.drawing.from_above import highest_last
-from slam.data.drawing.shapes import POINT, Box, Drawing, Text
-from slam.data.drawing.shapes import Picture as Image
 from slam.data.plot_style import INK
 from slam.data.point_files import Points
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import PathCollection
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+
 DARK, MEASURED = "#101418", "#D8E4EC"  # background of points, and measured points on it
-SIGMA_MAP: ColourMap = "plasma"
-DEPTH_MAP: ColourMap = "viridis"  # near is bright
-HEIGHT_MAP: ColourMap = "viridis"
-#: A view from above of axes, as an image (H, W, 3) uint8 RGB.
-View = Callable[[Axes], Array]
-#: Colour map, lowest and highest value, and title of a colour bar.
-Bar = tuple[ColourMap, float, float, str]
+SIGMA_MAP, DEPTH_MAP, HEIGHT_MAP = "plasma", "viridis_r", "viridis"
 MOST_SIGMA = 0.5  # m, the brightest colour
 REACH = 30.0  # m ahead, behind and to both sides of the sensor in the view from above
 NEAR, FAR = 3.0, 50.0  # m of depth, limits of its colours
+SQUARE = np.array([[-REACH, -REACH], [REACH, REACH]])
 PIXELS = 480  # along the longer side of a view from above
-WIDTH, SINGLE = 1800, 1200  # pixels of a picture of several views, and of one
-EDGE = 14  # pixels between the border and what is drawn
-TITLE, SMALL = 11 * POINT, 8 * POINT  # sizes of text
-MIN_ASPECT, MAX_ASPECT = 0.35, 1.6  # height by width of a view
-MAX_HEIGHT = 4000  # pixels of all camera images
-ABOVE = 1.6 * TITLE  # pixels of a title
-DIMMED = 0.55  # brightness of the camera image below points
-DOT = 2  # pixels of a point in the camera image
-SAMPLED = 100_000  # points of a map that its limits are computed from, about
+WIDTH = 12.0  # inches of a picture
 LOWEST, HIGHEST = 0.02, 0.98  # quantiles of the height, limits of its colours
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A drawing that is the same in the page and in the files.
+    """A figure that is the same in the page and in the files.
 
     Attributes:
         key: Name of its files and its anchor in the page.
         title: Title.
         caption: What is drawn.
         alt: Description for a reader who cannot see it.
-        drawing: The drawing.
+        figure: The matplotlib figure.
     """
 
     key: str
     title: str
     caption: str
     alt: str
-    drawing: Drawing
+    figure: Figure
 
 
 def scan_from_above(scans: Mapping[str, Scan]) -> Picture:
     """Draw one scan of each row from above: measured points, and predicted points by sigma (Fig. 5 of the paper)."""
-    views = {f"{label}: {len(scan.cloud):,} points": partial(_scan_view, scan) for label, scan in scans.items()}
-    predicted = any(not scan.cloud.measured.all() for scan in scans.values())
-    bar = (SIGMA_MAP, 0.0, MOST_SIGMA, "sigma of the predicted range [m]") if predicted else None
+    from matplotlib.colors import ListedColormap
+
+    figure, axes = _beside(len(scans), 1.0)
+    predicted = None
+    for axis, (label, scan) in zip(axes, scans.items(), strict=True):
+        cloud = scan.cloud.select(np.abs(scan.cloud.xyz[:, :2]).max(axis=1, initial=0) < REACH)
+        new, old = cloud.select(~cloud.measured), cloud.select(cloud.measured)
+        dots = _dots(axis, new.xyz, new.sigma, SQUARE, SIGMA_MAP, (0, MOST_SIGMA))
+        _dots(axis, old.xyz, np.zeros(len(old)), SQUARE, ListedColormap([MEASURED]), (0, 1))
+        axis.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), xlabel="x, forward [m]", aspect="equal")
+        _titled(axis, f"{label}: {len(scan.cloud):,} points")
+        predicted = dots if len(new) else predicted
+    axes[0].set_ylabel("y, left [m]")
+    if predicted is not None:
+        figure.colorbar(predicted, ax=list(axes), pad=0.01, label="sigma of the predicted range [m]")
     number = next(iter(scans.values())).number
     counts = "; ".join(
         f"{label} {scan.cloud.measured.sum():,} measured and {(~scan.cloud.measured).sum():,} predicted points"
@@ -78,7 +78,7 @@ def scan_from_above(scans: Mapping[str, Scan]) -> Picture:
         "The scan as the odometry received it. Pale: measured returns; coloured: points that enrichment predicted, by "
         "the predicted sigma of their range, as in Fig. 5 of the paper by Yue et al.",
         f"Frame {number} from above: {counts}.",
-        _beside(views, Scale(-REACH, REACH), Scale(-REACH, REACH), ("x, forward [m]", "y, left [m]"), bar),
+        figure,
     )
 
 
@@ -87,9 +87,22 @@ def scan_in_image(scans: Mapping[str, Scan]) -> Picture | None:
     seen = {label: scan for label, scan in scans.items() if scan.image is not None and scan.calibration is not None}
     if not seen:
         return None
+    from matplotlib.figure import Figure
+
     image = next(iter(seen.values())).image
     assert image is not None
-    views = {"camera image": image} | dict(_overlay(scan, label) for label, scan in seen.items())
+    rows = len(seen) + 1
+    height = min(2.6 * WIDTH, (WIDTH - 1) * image.shape[0] / image.shape[1] * rows / 1.0 + 0.35 * rows) / 1.45
+    figure = Figure(figsize=(WIDTH / 1.45, height), layout="constrained", facecolor="white")
+    axes = figure.subplots(rows, 1)
+    axes[0].imshow(image)
+    _titled(axes[0], "camera image")
+    for axis, (label, scan) in zip(axes[1:], seen.items(), strict=True):
+        dots = _overlay(axis, scan, label)
+    for axis in axes:
+        axis.set(xticks=[], yticks=[], xlim=(0, image.shape[1]), ylim=(image.shape[0], 0))
+        axis.spines[:].set_visible(False)
+    figure.colorbar(dots, ax=list(axes), pad=0.01, label="depth [m]", shrink=0.6, aspect=40)
     number = next(iter(seen.values())).number
     return Picture(
         "image",
@@ -97,117 +110,91 @@ def scan_in_image(scans: Mapping[str, Scan]) -> Picture | None:
         "The camera image, and over it the depth of the points of each input; points hidden behind nearer ones are "
         "left out.",
         f"Camera image of frame {number}, and the depth of the points of {', '.join(seen)} over it.",
-        _below(views, image.shape[0] / image.shape[1]),
+        figure,
     )
 
 
 def maps_beside(maps: Mapping[str, Points]) -> Picture:
     """Draw the maps from above on one scale (Fig. 6 of the paper)."""
-    some = np.concatenate([points.xyz[:: max(1, len(points.xyz) // SAMPLED)] for points in maps.values()])
-    low, high = np.quantile(some, (0.002, 0.998), axis=0)
-    lowest, highest = np.quantile(some[:, 2], (LOWEST, HIGHEST)).tolist()
-    limits = (lowest, max(highest, lowest + 1e-3))
-    views = {label: partial(_map_view, points.xyz, limits) for label, points in maps.items()}
-    x, y = (Scale(low[axis] - 5, high[axis] + 5) for axis in (0, 1))
+    corners = np.concatenate([np.quantile(points.xyz, (0.002, 0.998), axis=0) for points in maps.values()])
+    low, high = corners.min(axis=0) - 5, corners.max(axis=0) + 5
+    aspect = float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.35, 1.6))
+    z = np.concatenate([points.xyz[:, 2] for points in maps.values()])
+    lowest, highest = np.quantile(z, (LOWEST, HIGHEST)).tolist()
+    figure, axes = _beside(len(maps), aspect)
+    for axis, (label, points) in zip(axes, maps.items(), strict=True):
+        dots = _dots(axis, points.xyz, points.xyz[:, 2], np.stack([low, high])[:, :2], HEIGHT_MAP, (lowest, highest))
+        axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", aspect="equal")
+        _titled(axis, label)
+    axes[0].set_ylabel("y [m]")
+    figure.colorbar(dots, ax=list(axes), pad=0.01, label="height z [m]")
     return Picture(
         "maps",
         "Maps from above" if len(maps) > 1 else "Map from above",
         "Height by colour, on one scale, all points, as in Fig. 6 of the paper by Yue et al.",
         f"Maps of {', '.join(maps)} from above, next to each other.",
-        _beside(views, x, y, ("x [m]", "y [m]"), (HEIGHT_MAP, *limits, "height z [m]")),
+        figure,
     )
 
 
-def on_dark(drawing: Drawing) -> Drawing:
-    """Return a picture on a dark ground with pale text."""
-    return drawing.recoloured(DARK, INK, MEASURED)
+def on_dark(figure: Figure) -> Figure:
+    """Give a picture a dark ground and pale text; returns the same figure."""
+    from matplotlib.text import Text
+
+    figure.set_facecolor(DARK)
+    for text in figure.findobj(Text):
+        text.set_color(MEASURED)
+    for axis in figure.axes:
+        axis.tick_params(colors=MEASURED)
+    return figure
 
 
-def _scan_view(scan: Scan, axes: Axes) -> Array:
-    """Predicted points by sigma, and the measured ones above them."""
-    cloud = scan.cloud.select(np.abs(scan.cloud.xyz[:, :2]).max(axis=1, initial=0) < REACH)
-    new, old = cloud.select(~cloud.measured), cloud.select(cloud.measured)
-    image = _dark(axes)
-    _dots(image, axes, new.xyz, colours_of(new.sigma, 0, MOST_SIGMA, SIGMA_MAP))
-    _dots(image, axes, old.xyz, np.tile(np.array(rgb(MEASURED), np.uint8), (len(old), 1)))
-    return image
+def _dots(axis: Axes, xyz: Array, values: Array, box: Array, colours: Any, limits: tuple[float, float]) -> AxesImage:
+    """Draw points from above, a pixel each, the highest of a pixel; `box` (2, 2): lower and upper corner [m].
+
+    An image is drawn in no time and in a small file, unlike a marker per point.
+    """
+    low, high = box
+    pixel = float((high - low).max()) / PIXELS
+    width, height = np.maximum(np.ceil((high - low) / pixel).astype(int), 1)
+    image = np.full((height, width), np.nan, np.float32)
+    order = np.argsort(xyz[:, 2], kind="stable")
+    column, row = np.floor((xyz[order, :2] - low) / pixel).astype(np.int64).T
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    image[row[inside], column[inside]] = values[order][inside]
+    extent = (low[0], low[0] + width * pixel, low[1], low[1] + height * pixel)
+    style: Any = {"cmap": colours, "vmin": limits[0], "vmax": limits[1], "interpolation": "nearest"}
+    return axis.imshow(image, origin="lower", extent=extent, **style)
 
 
-def _map_view(xyz: Array, limits: tuple[float, float], axes: Axes) -> Array:
-    image = _dark(axes)
-    _dots(image, axes, xyz, colours_of(xyz[:, 2], *limits, HEIGHT_MAP))
-    return image
-
-
-def _dark(axes: Axes) -> Array:
-    """A dark image (H, W, 3) of a view from above."""
-    height, width = (
-        max(1, round(PIXELS * side / max(axes.box.width, axes.box.height)))
-        for side in (axes.box.height, axes.box.width)
-    )
-    return np.full((height, width, 3), rgb(DARK), np.uint8)
-
-
-def _dots(image: Array, axes: Axes, xyz: Array, colours: Array) -> None:
-    """Draw points (N, 3) from above, a pixel each, the highest of a pixel."""
-    height, width = image.shape[:2]
-    column = np.floor(axes.x.share(xyz[:, 0]) * width).astype(np.int32)
-    row = np.floor((1 - axes.y.share(xyz[:, 1])) * height).astype(np.int32)
-    order = highest_last(xyz[:, 2])
-    order = order[((column >= 0) & (column < width) & (row >= 0) & (row < height))[order]]
-    image[row[order], column[order]] = colours[order]
-
-
-def _overlay(scan: Scan, label: str) -> tuple[str, Array]:
-    """Title, and the darkened image with the depth of the points."""
+def _overlay(axis: Axes, scan: Scan, label: str) -> PathCollection:
+    """Draw the depth of the points over the darkened image."""
     assert scan.image is not None
     assert scan.calibration is not None
     pixels, depth = project(scan.cloud.xyz, scan.calibration)
     shown = visible(pixels, depth, scan.image.shape)
     order = np.argsort(-depth[shown])
-    column, row = np.rint(pixels[shown][order] - DOT / 2).astype(np.int32).T
-    image = np.repeat((scan.image.mean(axis=2, keepdims=True) * DIMMED).astype(np.uint8), 3, axis=2)
-    colours = colours_of(-depth[shown][order], -FAR, -NEAR, DEPTH_MAP)
-    for down, right in np.ndindex(DOT, DOT):
-        image[np.clip(row + down, 0, len(image) - 1), np.clip(column + right, 0, image.shape[1] - 1)] = colours
-    return f"{label}: {shown.sum():,} points in the image", image
+    u, v = pixels[shown][order].T
+    grey = np.repeat((scan.image.mean(axis=2, keepdims=True) * 0.55).astype(np.uint8), 3, axis=2)
+    axis.imshow(grey)
+    _titled(axis, f"{label}: {shown.sum():,} points in the image")
+    return axis.scatter(u, v, c=depth[shown][order], s=1.2, lw=0, cmap=DEPTH_MAP, vmin=NEAR, vmax=FAR, rasterized=True)
 
 
-def _beside(views: Mapping[str, View], x: Scale, y: Scale, titles: tuple[str, str], bar: Bar | None) -> Drawing:
-    """Views from above next to each other, on one scale."""
-    width = WIDTH if len(views) > 1 else SINGLE
-    left = EDGE + 1.6 * LABEL + GAP + 3 * SMALL
-    gap = 2 * GAP
-    right = width - EDGE - (gap + colour_bar_width(*bar[1:3], SINGLE) if bar else 0)
-    aspect = float(np.clip((y.high - y.low) / (x.high - x.low), MIN_ASPECT, MAX_ASPECT))
-    side = (right - left - gap * (len(views) - 1)) // len(views)
-    bottom = EDGE + ABOVE + round(aspect * side)
-    drawing = Drawing(width, round(bottom + GAP + 3 * LABEL + EDGE))
-    for k, (title, view) in enumerate(views.items()):
-        box = Box(left + k * (side + gap), EDGE + ABOVE, left + k * (side + gap) + side, bottom)
-        axes = equal_scales(box, x, y)
-        drawing.shapes.append(Image(box, view(axes)))
-        drawing.shapes.append(Text(box.left, EDGE + TITLE, title, INK, TITLE))
-        drawing.shapes.extend(axes.x_labels(axes.x_ticks(), titles[0], SMALL))
-        if k == 0:
-            drawing.shapes.extend(axes.y_labels(axes.y.ticks(side / X_TICK), titles[1], EDGE + LABEL / 2, SMALL))
-    if bar:
-        place = Box(right + gap, EDGE + ABOVE, right + gap + BAR, bottom)
-        drawing.shapes.extend(colour_bar(place, *bar))
-    return drawing
+def _beside(count: int, aspect: float) -> tuple[Figure, list[Axes]]:
+    """A figure with axes next to each other, on a dark background."""
+    from matplotlib.figure import Figure
+
+    width = WIDTH if count > 1 else 8.0
+    height = (width - 1.6) / count * aspect + 0.9
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    axes: Array = figure.subplots(1, count, squeeze=False, sharey=True)[0]
+    for axis in axes:
+        axis.set_facecolor(DARK)
+        axis.tick_params(colors=INK, labelsize=8, length=0)
+        axis.spines[:].set_visible(False)
+    return figure, list(axes)
 
 
-def _below(views: Mapping[str, Array], aspect: float) -> Drawing:
-    """Camera images below each other, with a bar of the depth's colours."""
-    bar = GAP + colour_bar_width(NEAR, FAR, SINGLE)
-    side = min(SINGLE, MAX_HEIGHT / (len(views) * aspect))
-    height = ABOVE + round(aspect * side)
-    drawing = Drawing(round(side + bar + 2 * EDGE), round(len(views) * height + GAP * (len(views) - 1) + 2 * EDGE))
-    for k, (title, image) in enumerate(views.items()):
-        top = EDGE + k * (height + GAP)
-        drawing.shapes.append(Text(EDGE, top + TITLE, title, INK, TITLE))
-        drawing.shapes.append(Image(Box(EDGE, top + ABOVE, EDGE + side, top + height), image, photograph=True))
-    middle, right = drawing.height / 2, EDGE + side + GAP
-    place = Box(right, 0.45 * middle, right + BAR, 1.55 * middle)
-    drawing.shapes.extend(colour_bar(place, DEPTH_MAP, NEAR, FAR, "depth [m]", reverse=True))
-    return drawing
+def _titled(axis: Axes, title: str) -> None:
+    axis.set_title(title, loc="left", fontsize=11, color=INK)

@@ -22,12 +22,11 @@ from eval.report.table import Table, latex, markdown
 from eval.report.trajectories import trajectory_charts
 from eval.report.verdict import verdict
 from slam.data.atomic import write_text
-from slam.data.drawing.raster import pixels
 
 PAGE, FIGURES = "report.html", "figures"
 #: Figures that not every report has.
 MAYBE = ("error", "segments", "height", "scan", "image", "maps", "health", "timings")
-PAGE_SCALE = 0.75  # pixels of a picture in the page per pixel of its file
+PAGE_DPI = 110  # of pictures in the page
 
 
 def write_report(folder: Path, report: Report) -> Path:
@@ -89,7 +88,7 @@ def _write_files(folder: Path, charts: Sequence[Chart], pictures: Sequence[Pictu
     for chart in charts:
         save(drawn(chart), folder, chart.key)
     for picture in pictures:
-        save(picture.drawing, folder, picture.key)
+        save(picture.figure, folder, picture.key)
     write_text(folder / "tables.md", "\n".join(map(markdown, tables)))
     write_text(folder / "tables.tex", "\n".join(map(latex, tables)))
 
@@ -99,8 +98,9 @@ def _image(picture: Picture) -> Image:
     from PIL import Image as Pillow
     from PIL import WebPImagePlugin  # noqa: F401  # else Pillow would import all its formats
 
-    webp = BytesIO()
-    image = Pillow.fromarray(pixels(on_dark(picture.drawing), PAGE_SCALE))
+    png, webp = BytesIO(), BytesIO()
+    on_dark(picture.figure).savefig(png, dpi=PAGE_DPI, pil_kwargs={"compress_level": 0})
+    image = Pillow.open(png).convert("RGB")
     image.save(webp, "WEBP", quality=82, method=2)
     data = f"data:image/webp;base64,{b64encode(webp.getvalue()).decode('ascii')}"
     return Image(picture.key, picture.title, picture.caption, picture.alt, data, image.size)

@@ -7,14 +7,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from slam.data.atomic import written_beside
 from slam.data.cloud import Array, PointCloud
-from slam.data.drawing.axes import GAP, LABEL, Axes, Scale, labels_width
-from slam.data.drawing.colours import colour_map
-from slam.data.drawing.fonts import text_width
-from slam.data.drawing.from_above import highest_last
-from slam.data.drawing.raster import save_png
-from slam.data.drawing.shapes import POINT, Area, Box, Drawing, Line, Picture, Shape, Text
-from slam.data.plot_style import INK
+from slam.data.from_above import highest_last
+from slam.data.plot_style import QUICK
 
 MAX_PIXELS = 1600  # along the longer side of the map
 MIN_PIXEL = 0.1  # m per pixel: with finer pixels a map of 0.2 m voxels would have holes
@@ -23,8 +19,6 @@ CELL = 2.0  # m, and at least two pixels: squares that share their nearest traje
 AT_ONCE = 1 << 17  # points that are coloured together: bounds the memory
 SAMPLED = 200_000  # points that the limits of the map are computed from, about
 LOWEST, HIGHEST = -2.5, 6.0  # m above the sensor's path: limits of the colour scale
-DARKEST = 51  # of 256 colours: darker ones would vanish in the background
-RED, SMALL, EDGE = "#FF3B30", 8.5 * POINT, 14
 
 
 def map_png(cloud: PointCloud, trajectory: Array, path: Path) -> None:
@@ -38,39 +32,25 @@ def map_png(cloud: PointCloud, trajectory: Array, path: Path) -> None:
         trajectory: Positions (N, 3) of the sensor in the world frame [m].
         path: The PNG to write, atomically.
     """
+    from matplotlib.figure import Figure  # half a second of import, at the end of a run only
+
     corners = np.concatenate([_extent(cloud.xyz[:, :2]), trajectory[:, :2].reshape(-1, 2)])
     low, high = np.floor(corners.min(axis=0)) - 5, np.ceil(corners.max(axis=0)) + 5
     pixel = max(MIN_PIXEL, float((high - low).max()) / MAX_PIXELS)
-    width, height = np.ceil((high - low) / pixel).astype(int).tolist()
+    width, height = np.ceil((high - low) / pixel).astype(int)
     picture = _drawn(cloud, trajectory, low, pixel, width, height)
 
-    x, y = Scale(low[0], low[0] + width * pixel), Scale(low[1], low[1] + height * pixel)
-    y_ticks = Axes(Box(0, 0, width, height), x, y).y_ticks(2)
-    left = round(EDGE + 1.6 * LABEL + labels_width(y_ticks) + GAP)
-    axes = Axes(Box(left, EDGE, left + width, EDGE + height), x, y)
-    x_ticks = axes.x_ticks()
-    shapes: list[Shape] = [
-        Picture(axes.box, picture[::-1]),
-        axes.grid(x_ticks, y_ticks, "#FFFFFF", 0.25),
-        Line(axes.at(*trajectory[:, :2].T), RED, 3),
-        Line(axes.at(*trajectory[:1, :2].T), RED, 9),
-        *axes.x_labels(x_ticks, "x [m]"),
-        *axes.y_labels(y_ticks, "y [m]", EDGE + LABEL / 2),
-        *_legend(axes.box),
-    ]
-    below = GAP + 3 * LABEL + EDGE
-    save_png(Drawing(left + width + 2 * EDGE, round(EDGE + height + below), shapes), path)
-
-
-def _legend(box: Box) -> list[Shape]:
-    """The name of the line, in the right upper corner."""
-    left, middle = box.right - text_width("trajectory", SMALL) - 70, box.top + 30
-    ground = Box(left, middle - 18, box.right - 10, middle + 18)
-    return [
-        Area(ground.corners, "#FFFFFF", 0.8),
-        Line(np.array([[left + 8, middle], [left + 42, middle]]), RED, 3),
-        Text(left + 52, middle, "trajectory", INK, SMALL, middle=True),
-    ]
+    figure = Figure(figsize=(1.5 + width / 150, 1.2 + height / 150), dpi=150, layout="constrained")
+    axes = figure.add_subplot()
+    edges = (low[0], low[0] + width * pixel, low[1], low[1] + height * pixel)
+    axes.imshow(picture, origin="lower", extent=edges, interpolation="antialiased")
+    axes.plot(*trajectory[:, :2].T, color="#ff3b30", linewidth=0.9, label="trajectory")
+    axes.plot(*trajectory[:1, :2].T, "o", color="#ff3b30", markersize=4)
+    axes.grid(color="white", alpha=0.25, linewidth=0.5)
+    axes.set(xlabel="x [m]", ylabel="y [m]", xlim=edges[:2], ylim=edges[2:])
+    axes.legend(loc="upper right", fontsize="small")
+    with written_beside(path) as temporary:
+        figure.savefig(temporary, metadata={"Software": None}, pil_kwargs=QUICK)
 
 
 def _extent(xy: Array) -> Array:
@@ -119,7 +99,9 @@ def _without_holes(picture: Array, empty: Array) -> Array:
 
 def _colours(cloud: PointCloud, heights: _Heights) -> Array:
     """Colours (N, 3) uint8 of the points."""
-    palette = colour_map("viridis")[np.linspace(DARKEST, 255, 256).round().astype(np.uint8)]
+    from matplotlib import colormaps
+
+    palette = (255 * colormaps["viridis"](np.linspace(0.2, 1.0, 256))[:, :3]).astype(np.uint8)
     share = np.clip((heights(cloud.xyz) - LOWEST) / (HIGHEST - LOWEST), 0, 1)
     light = 0.6 + 0.4 * np.sqrt(np.clip(cloud.intensity, 0, 1))  # intensity makes road markings visible
     colours = (palette[(255 * share).astype(np.uint8)] * light[:, None]).astype(np.uint8)

@@ -1,1 +1,0 @@
-"""Drawings of charts and pictures: a list of shapes, written as PNG and SVG, in a tenth of matplotlib's time."""
