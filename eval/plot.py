@@ -12,7 +12,7 @@ from eval.evaluation import pair_up
 from eval.trajectory import distances
 from slam.data.body_frame import body_frame
 from slam.data.cloud import Array
-from slam.data.plot_style import BLUE, GREY, INK, VERMILION, save_png, tidy
+from slam.data.plot_style import BLUE, GREY, INK, VERMILION, fitting, margins, save_png, tidy
 from slam.data.pose_files import read_poses
 
 if TYPE_CHECKING:
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 #: Ground truth is drawn as a broad band under the estimate.
 ESTIMATE, TRUTH, ERROR = BLUE, GREY, VERMILION
 
-#: Sizes [inches]: width of the figure, height of the error panel with labels, height of the map's title and labels.
-WIDTH, ERROR_HEIGHT, MAP_FRAME = 8.0, 1.9, 1.3
+#: Sizes [inches]: width of the figure, height of the error's axes, space for labels and around the map.
+WIDTH, ERROR_HEIGHT, BETWEEN = 8.0, 1.35, 0.55
+LEFT, RIGHT, BELOW, ABOVE = 0.8, 0.15, 0.55, 0.7
 
 #: Limits of the map: minimum and maximum ratio of height to width, and minimum width [m].
 MIN_ASPECT, MAX_ASPECT, MIN_SPAN = 0.3, 0.95, 4.0
@@ -65,20 +66,24 @@ def plot_trajectory(
     reference_xy = None if reference is None else reference[:, axes, 3]
     center, span = _window(estimate_xy if reference_xy is None else np.concatenate([estimate_xy, reference_xy]))
 
-    map_height = (WIDTH - MAP_FRAME) * span[1] / span[0] + MAP_FRAME
-    figure = Figure(figsize=(WIDTH, map_height + (ERROR_HEIGHT if error is not None else 0)), layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.12, h_pad=0.12)  # type: ignore[union-attr, call-arg]
+    map_height = (WIDTH - LEFT - RIGHT) * span[1] / span[0]
+    below = 0.0 if error is None else BETWEEN + ERROR_HEIGHT
+    figure = Figure((WIDTH, ABOVE + map_height + below + BELOW))
     if error is None:
         top = figure.subplots()
+        margins(figure, LEFT, RIGHT, BELOW, ABOVE)
     else:
         top, bottom = figure.subplots(2, 1, height_ratios=[map_height, ERROR_HEIGHT])
+        margins(figure, LEFT, RIGHT, BELOW, ABOVE, gap_y=BETWEEN)
         _draw_error(bottom, distances(g), error)
     _draw_map(top, estimate_xy, reference_xy, error)
     top.set_xlim(center[0] - span[0] / 2, center[0] + span[0] / 2)
     top.set_ylim(center[1] - span[1] / 2, center[1] + span[1] / 2)
     top.set_xlabel(f"{'xyz'[axes[0]]} [m]")
     top.set_ylabel(f"{'xyz'[axes[1]]} [m]")
-    top.set_title(title, loc="left", color=INK, fontsize=13, fontweight="bold", pad=32)
+    top.set_title(
+        title, loc="left", y=1.0, color=INK, fontsize=fitting(title, 13, WIDTH - 1), fontweight="bold", pad=32
+    )
     save_png(figure, path_png)
 
 
@@ -123,7 +128,6 @@ def _draw_map(axes: Axes, estimate: Array, reference: Array | None, error: Array
     axes.plot(*start, "o", markersize=8, color="white", markeredgecolor=INK, markeredgewidth=1.6, zorder=4)
     behind = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
     axes.annotate("start", start, xytext=(8, 8), textcoords="offset points", color=INK, fontsize=10, bbox=behind)
-    axes.set_aspect("equal")
     axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=2, frameon=False, fontsize=10, borderaxespad=0.2)
     tidy(axes)
 

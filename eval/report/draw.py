@@ -10,7 +10,7 @@ import numpy as np
 
 from eval.report.chart import Chart, Curve, Panel
 from slam.data.atomic import written_beside
-from slam.data.plot_style import INK, QUICK, tidy
+from slam.data.plot_style import INK, fitting, margins, save_png, tidy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +19,11 @@ if TYPE_CHECKING:
 DASHES = {"solid": "-", "dash": "--", "dot": ":"}
 SYMBOLS = {"circle": "o", "x": "x", "triangle": "^", "square": "s"}
 WIDTH, PANEL_HEIGHT = 8.0, 1.9  # inches
-COLUMNS = 4  # of a legend
+LEFT, RIGHT, BELOW, GAP = 0.85, 0.15, 0.55, 0.2  # inches around panels and between them
+TITLE, LEGEND_ROW = 0.35, 0.2  # inches above the panels
+NUMBER, TICKS = 0.4, 2.0  # inches for numbers, and at most for names, on the y axis
+SAMPLE = 0.6  # inches of a line of the legend, with spaces
+COLUMNS = 4  # of a legend, at most
 DPI = 150
 BAR_GROUP = 0.8  # of the distance between two categories
 
@@ -32,14 +36,12 @@ def save(figure: Figure, folder: Path, key: str) -> None:
     """
     from matplotlib import rc_context
 
-    with written_beside(folder / f"{key}.png") as temporary:
-        figure.savefig(temporary, dpi=DPI, facecolor="white", pil_kwargs=QUICK)
-    figure.set_layout_engine("none")  # the layout is found, and takes longer than the drawing
+    save_png(figure, folder / f"{key}.png", DPI)
     with (
         rc_context({"svg.fonttype": "none", "svg.hashsalt": key}),
         written_beside(folder / f"{key}.svg") as temporary,
     ):
-        figure.savefig(temporary, dpi=DPI, facecolor="white", metadata={"Date": None})
+        figure.savefig(temporary, dpi=DPI, metadata={"Date": None})
 
 
 def drawn(chart: Chart) -> Figure:
@@ -47,19 +49,41 @@ def drawn(chart: Chart) -> Figure:
     from matplotlib.figure import Figure
 
     count = len(chart.panels)
-    height = WIDTH * aspect(chart) if chart.equal else PANEL_HEIGHT * max(count, 1.6)
-    figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained", facecolor="white")
+    names = [name for panel in chart.panels for name in panel.ticks]
+    left = max(LEFT, LEFT - NUMBER + min(TICKS, max(map(_width, names), default=0.0)))
+    labels = _labels(chart)
+    widest = SAMPLE + max(map(_width, labels), default=0.0)
+    columns = int(np.clip((WIDTH - left) / widest, 1, COLUMNS))
+    rows = -(-len(labels) // columns) if len(labels) > 1 else 0
+    above = TITLE + LEGEND_ROW * rows
+    height = (WIDTH - left - RIGHT) * aspect(chart) if chart.equal else PANEL_HEIGHT * max(count, 1.6)
+    figure = Figure((WIDTH, above + height + BELOW), facecolor="white")
     axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    margins(figure, left, RIGHT, BELOW, above, gap_y=GAP)
     for axis, panel in zip(axes, chart.panels, strict=True):
         _draw_panel(axis, panel, chart)
     axes[-1].set_xlabel(chart.x_title, color=INK)
-    handles = dict(_handles(axes))
-    rows = -(-len(handles) // COLUMNS) if len(handles) > 1 else 0
-    axes[0].set_title(chart.title, loc="left", fontsize=12, fontweight="bold", color=INK, pad=6 + 16 * rows)
+    size = fitting(chart.title, 12, WIDTH - left)
+    axes[0].set_title(
+        chart.title, loc="left", y=1.0, fontsize=size, fontweight="bold", color=INK, pad=6 + 72 * LEGEND_ROW * rows
+    )
     if rows:
-        place: Any = {"loc": "lower left", "bbox_to_anchor": (-0.01, 1.0), "borderaxespad": 0.2, "ncols": COLUMNS}
-        axes[0].legend(handles.values(), handles.keys(), frameon=False, fontsize=9, **place)
+        handles = dict(_handles(axes))
+        place: Any = {"loc": "lower left", "bbox_to_anchor": (-0.01, 1.0), "borderaxespad": 0.2, "ncols": columns}
+        size = fitting(max(labels, key=len), 9, WIDTH - left - SAMPLE)
+        axes[0].legend(handles.values(), handles.keys(), frameon=False, fontsize=size, **place)
     return figure
+
+
+def _labels(chart: Chart) -> set[str]:
+    """The entries of the legend."""
+    curves = {curve.label for panel in chart.panels for curve in panel.curves}
+    return curves | {bars.label for panel in chart.panels for bars in panel.bars}
+
+
+def _width(text: str) -> float:
+    """Width [inches] of a label, about."""
+    return 0.08 * len(text)
 
 
 def aspect(chart: Chart) -> float:
@@ -84,7 +108,8 @@ def _draw_panel(axis: Axes, panel: Panel, chart: Chart) -> None:
     if panel.bars:
         axis.set_xticks(range(len(chart.categories)), chart.categories)
     if panel.ticks:
-        axis.set_yticks(range(len(panel.ticks)), panel.ticks)
+        size = fitting(max(panel.ticks, key=len), 10, TICKS)
+        axis.set_yticks(range(len(panel.ticks)), panel.ticks, fontsize=size)
         axis.set_ylim(-0.5, len(panel.ticks) - 0.5)
     if panel.log:
         axis.set_yscale("log")

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eval.report.scan import Scan
 from slam.data.camera import project, visible
 from slam.data.cloud import Array
-from slam.data.plot_style import INK
+from slam.data.from_above import highest_last
+from slam.data.plot_style import INK, fitting, margins
 from slam.data.point_files import Points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.collections import PathCollection
+    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
-    from matplotlib.image import AxesImage
 
 DARK, MEASURED = "#101418", "#D8E4EC"  # background of points, and measured points on it
 SIGMA_MAP, DEPTH_MAP, HEIGHT_MAP = "plasma", "viridis_r", "viridis"
@@ -27,7 +27,13 @@ REACH = 30.0  # m ahead, behind and to both sides of the sensor in the view from
 NEAR, FAR = 3.0, 50.0  # m of depth, limits of its colours
 SQUARE = np.array([[-REACH, -REACH], [REACH, REACH]])
 PIXELS = 480  # along the longer side of a view from above
-WIDTH = 12.0  # inches of a picture
+WIDTH, SINGLE = 12.0, 8.0  # inches of a picture of several views, and of one
+LEFT, RIGHT, BELOW, ABOVE, GAP = 0.75, 0.2, 0.55, 0.35, 0.4  # inches around views and between them
+BAR, BAR_SPACE = 0.15, 0.9  # inches: width of a colour bar; of it, its labels and the gap
+TALLEST = 26.0  # inches of all camera images
+DIMMED = 0.55  # brightness of the camera image below points
+DOT = 2  # pixels of a point in the camera image
+SAMPLED = 100_000  # points of a map that its limits are computed from, about
 LOWEST, HIGHEST = 0.02, 0.98  # quantiles of the height, limits of its colours
 
 
@@ -52,21 +58,19 @@ class Picture:
 
 def scan_from_above(scans: Mapping[str, Scan]) -> Picture:
     """Draw one scan of each row from above: measured points, and predicted points by sigma (Fig. 5 of the paper)."""
-    from matplotlib.colors import ListedColormap
-
-    figure, axes = _beside(len(scans), 1.0)
-    predicted = None
+    predicted = any(not scan.cloud.measured.all() for scan in scans.values())
+    figure, axes = _beside(len(scans), 1.0, predicted)
+    sigma = _scale(SIGMA_MAP, 0, MOST_SIGMA)
     for axis, (label, scan) in zip(axes, scans.items(), strict=True):
         cloud = scan.cloud.select(np.abs(scan.cloud.xyz[:, :2]).max(axis=1, initial=0) < REACH)
         new, old = cloud.select(~cloud.measured), cloud.select(cloud.measured)
-        dots = _dots(axis, new.xyz, new.sigma, SQUARE, SIGMA_MAP, (0, MOST_SIGMA))
-        _dots(axis, old.xyz, np.zeros(len(old)), SQUARE, ListedColormap([MEASURED]), (0, 1))
-        axis.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), xlabel="x, forward [m]", aspect="equal")
-        _titled(axis, f"{label}: {len(scan.cloud):,} points")
-        predicted = dots if len(new) else predicted
+        image = _from_above(new.xyz, sigma.to_rgba(new.sigma, bytes=True), SQUARE)
+        pale = _from_above(old.xyz, np.tile(_pale(), (len(old), 1)), SQUARE)
+        image[pale[..., 3] > 0] = pale[pale[..., 3] > 0]
+        _show(axis, image, SQUARE, f"{label}: {len(scan.cloud):,} points", "x, forward [m]")
     axes[0].set_ylabel("y, left [m]")
-    if predicted is not None:
-        figure.colorbar(predicted, ax=list(axes), pad=0.01, label="sigma of the predicted range [m]")
+    if predicted:
+        _colour_bar(figure, sigma, "sigma of the predicted range [m]")
     number = next(iter(scans.values())).number
     counts = "; ".join(
         f"{label} {scan.cloud.measured.sum():,} measured and {(~scan.cloud.measured).sum():,} predicted points"
@@ -91,18 +95,19 @@ def scan_in_image(scans: Mapping[str, Scan]) -> Picture | None:
 
     image = next(iter(seen.values())).image
     assert image is not None
-    rows = len(seen) + 1
-    height = min(2.6 * WIDTH, (WIDTH - 1) * image.shape[0] / image.shape[1] * rows / 1.0 + 0.35 * rows) / 1.45
-    figure = Figure(figsize=(WIDTH / 1.45, height), layout="constrained", facecolor="white")
+    rows, aspect = len(seen) + 1, image.shape[0] / image.shape[1]
+    width = min(SINGLE, TALLEST / rows / aspect)
+    figure = Figure((RIGHT + width + BAR_SPACE, rows * (ABOVE + aspect * width) + RIGHT), facecolor="white")
     axes = figure.subplots(rows, 1)
-    axes[0].imshow(image)
-    _titled(axes[0], "camera image")
-    for axis, (label, scan) in zip(axes[1:], seen.items(), strict=True):
-        dots = _overlay(axis, scan, label)
-    for axis in axes:
-        axis.set(xticks=[], yticks=[], xlim=(0, image.shape[1]), ylim=(image.shape[0], 0))
+    margins(figure, RIGHT, BAR_SPACE, RIGHT, ABOVE, gap_y=ABOVE)
+    depth = _scale(DEPTH_MAP, NEAR, FAR)
+    views = {"camera image": image} | dict(_overlay(scan, label, depth) for label, scan in seen.items())
+    for axis, (title, view) in zip(axes, views.items(), strict=True):
+        axis.imshow(view, aspect="auto")
+        axis.set(xticks=[], yticks=[])
         axis.spines[:].set_visible(False)
-    figure.colorbar(dots, ax=list(axes), pad=0.01, label="depth [m]", shrink=0.6, aspect=40)
+        _titled(axis, title, width)
+    _colour_bar(figure, depth, "depth [m]")
     number = next(iter(seen.values())).number
     return Picture(
         "image",
@@ -116,18 +121,16 @@ def scan_in_image(scans: Mapping[str, Scan]) -> Picture | None:
 
 def maps_beside(maps: Mapping[str, Points]) -> Picture:
     """Draw the maps from above on one scale (Fig. 6 of the paper)."""
-    corners = np.concatenate([np.quantile(points.xyz, (0.002, 0.998), axis=0) for points in maps.values()])
-    low, high = corners.min(axis=0) - 5, corners.max(axis=0) + 5
-    aspect = float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.35, 1.6))
-    z = np.concatenate([points.xyz[:, 2] for points in maps.values()])
-    lowest, highest = np.quantile(z, (LOWEST, HIGHEST)).tolist()
-    figure, axes = _beside(len(maps), aspect)
+    some = np.concatenate([points.xyz[:: max(1, len(points.xyz) // SAMPLED)] for points in maps.values()])
+    low, high = np.quantile(some, (0.002, 0.998), axis=0)
+    box = np.stack([low - 5, high + 5])[:, :2]
+    width, height = box[1] - box[0]
+    figure, axes = _beside(len(maps), float(np.clip(height / width, 0.35, 1.6)), bar=True)
+    z = _scale(HEIGHT_MAP, *np.quantile(some[:, 2], (LOWEST, HIGHEST)))
     for axis, (label, points) in zip(axes, maps.items(), strict=True):
-        dots = _dots(axis, points.xyz, points.xyz[:, 2], np.stack([low, high])[:, :2], HEIGHT_MAP, (lowest, highest))
-        axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", aspect="equal")
-        _titled(axis, label)
+        _show(axis, _from_above(points.xyz, z.to_rgba(points.xyz[:, 2], bytes=True), box), box, label, "x [m]")
     axes[0].set_ylabel("y [m]")
-    figure.colorbar(dots, ax=list(axes), pad=0.01, label="height z [m]")
+    _colour_bar(figure, z, "height z [m]")
     return Picture(
         "maps",
         "Maps from above" if len(maps) > 1 else "Map from above",
@@ -149,52 +152,91 @@ def on_dark(figure: Figure) -> Figure:
     return figure
 
 
-def _dots(axis: Axes, xyz: Array, values: Array, box: Array, colours: Any, limits: tuple[float, float]) -> AxesImage:
-    """Draw points from above, a pixel each, the highest of a pixel; `box` (2, 2): lower and upper corner [m].
+def _scale(colours: str, low: float, high: float) -> ScalarMappable:
+    """Colours of values from `low` to `high`."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
 
-    An image is drawn in no time and in a small file, unlike a marker per point.
+    return ScalarMappable(Normalize(low, high), colours)
+
+
+def _pale() -> Array:
+    """Colour (4,) uint8 of measured points."""
+    from matplotlib.colors import to_rgba_array
+
+    return np.asarray(255 * to_rgba_array(MEASURED)[0]).astype(np.uint8)
+
+
+def _from_above(xyz: Array, colours: Array, box: Array) -> Array:
+    """Image (H, W, 4) uint8 of points from above, first row at the lowest y, transparent where there is none.
+
+    Each pixel shows its highest point. An image is drawn in no time and in a small file, unlike a marker per point.
+
+    Args:
+        xyz: Points (N, 3) [m].
+        colours: Their colours (N, 4) uint8.
+        box: Lower and upper corner (2, 2) [m].
     """
-    low, high = box
-    pixel = float((high - low).max()) / PIXELS
-    width, height = np.maximum(np.ceil((high - low) / pixel).astype(int), 1)
-    image = np.full((height, width), np.nan, np.float32)
-    order = np.argsort(xyz[:, 2], kind="stable")
-    column, row = np.floor((xyz[order, :2] - low) / pixel).astype(np.int64).T
+    low, extent = box[0], box[1] - box[0]
+    pixel = float(extent.max()) / PIXELS
+    width, height = np.maximum(np.rint(extent / pixel).astype(int), 1)
+    column, row = np.floor((xyz[:, :2] - low) / pixel).astype(np.int32).T
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    image[row[inside], column[inside]] = values[order][inside]
-    extent = (low[0], low[0] + width * pixel, low[1], low[1] + height * pixel)
-    style: Any = {"cmap": colours, "vmin": limits[0], "vmax": limits[1], "interpolation": "nearest"}
-    return axis.imshow(image, origin="lower", extent=extent, **style)
+    order = highest_last(xyz[:, 2])
+    order = order[inside[order]]
+    image = np.zeros((height, width, 4), np.uint8)
+    image[row[order], column[order]] = colours[order]
+    return image
 
 
-def _overlay(axis: Axes, scan: Scan, label: str) -> PathCollection:
-    """Draw the depth of the points over the darkened image."""
+def _show(axis: Axes, image: Array, box: Array, title: str, x_title: str) -> None:
+    """Draw an image of a `box` (2, 2) from above."""
+    x, y = box.T.tolist()
+    axis.imshow(image, origin="lower", extent=(*x, *y), interpolation="none")
+    axis.set(xlim=x, ylim=y, xlabel=x_title)
+    _titled(axis, title, axis.get_window_extent().width / axis.figure.dpi)
+
+
+def _overlay(scan: Scan, label: str, colours: ScalarMappable) -> tuple[str, Array]:
+    """Title, and the darkened image (H, W, 3) uint8 with the depth of the points, near ones above far ones."""
     assert scan.image is not None
     assert scan.calibration is not None
     pixels, depth = project(scan.cloud.xyz, scan.calibration)
     shown = visible(pixels, depth, scan.image.shape)
     order = np.argsort(-depth[shown])
-    u, v = pixels[shown][order].T
-    grey = np.repeat((scan.image.mean(axis=2, keepdims=True) * 0.55).astype(np.uint8), 3, axis=2)
-    axis.imshow(grey)
-    _titled(axis, f"{label}: {shown.sum():,} points in the image")
-    return axis.scatter(u, v, c=depth[shown][order], s=1.2, lw=0, cmap=DEPTH_MAP, vmin=NEAR, vmax=FAR, rasterized=True)
+    column, row = np.rint(pixels[shown][order] - DOT / 2).astype(np.int32).T
+    image = np.repeat((scan.image.mean(axis=2, keepdims=True) * DIMMED).astype(np.uint8), 3, axis=2)
+    dots = colours.to_rgba(depth[shown][order], bytes=True)[:, :3]
+    for down, right in np.ndindex(DOT, DOT):
+        image[np.clip(row + down, 0, len(image) - 1), np.clip(column + right, 0, image.shape[1] - 1)] = dots
+    return f"{label}: {shown.sum():,} points in the image", image
 
 
-def _beside(count: int, aspect: float) -> tuple[Figure, list[Axes]]:
-    """A figure with axes next to each other, on a dark background."""
+def _beside(count: int, aspect: float, bar: bool) -> tuple[Figure, list[Axes]]:
+    """A figure with axes next to each other, on a dark background, with space for a colour bar."""
     from matplotlib.figure import Figure
 
-    width = WIDTH if count > 1 else 8.0
-    height = (width - 1.6) / count * aspect + 0.9
-    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    width = WIDTH if count > 1 else SINGLE
+    right = BAR_SPACE if bar else RIGHT
+    side = (width - LEFT - right - GAP * (count - 1)) / count
+    figure = Figure((width, ABOVE + side * aspect + BELOW), facecolor="white")
     axes: Array = figure.subplots(1, count, squeeze=False, sharey=True)[0]
+    margins(figure, LEFT, right, BELOW, ABOVE, gap_x=GAP)
     for axis in axes:
         axis.set_facecolor(DARK)
-        axis.tick_params(colors=INK, labelsize=8, length=0)
+        axis.tick_params(colors=INK, labelsize=8, length=0, left=False, bottom=False)
         axis.spines[:].set_visible(False)
     return figure, list(axes)
 
 
-def _titled(axis: Axes, title: str) -> None:
-    axis.set_title(title, loc="left", fontsize=11, color=INK)
+def _colour_bar(figure: Figure, colours: ScalarMappable, title: str) -> None:
+    """Draw a colour bar on the right of the axes, in the space for it."""
+    width = figure.get_figwidth()
+    first, last = (figure.axes[k].get_position() for k in (0, -1))
+    axis = figure.add_axes((last.x1 + BAR / width, last.y0, BAR / width, first.y1 - last.y0))
+    figure.colorbar(colours, cax=axis, label=title)
+
+
+def _titled(axis: Axes, title: str, width: float) -> None:
+    """Write a title of at most `width` [inches]."""
+    axis.set_title(title, loc="left", y=1.0, fontsize=fitting(title, 11, width), color=INK)

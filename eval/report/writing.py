@@ -22,6 +22,7 @@ from eval.report.table import Table, latex, markdown
 from eval.report.trajectories import trajectory_charts
 from eval.report.verdict import verdict
 from slam.data.atomic import write_text
+from slam.data.plot_style import pixels
 
 PAGE, FIGURES = "report.html", "figures"
 #: Figures that not every report has.
@@ -98,9 +99,8 @@ def _image(picture: Picture) -> Image:
     from PIL import Image as Pillow
     from PIL import WebPImagePlugin  # noqa: F401  # else Pillow would import all its formats
 
-    png, webp = BytesIO(), BytesIO()
-    on_dark(picture.figure).savefig(png, dpi=PAGE_DPI, pil_kwargs={"compress_level": 0})
-    image = Pillow.open(png).convert("RGB")
+    webp = BytesIO()
+    image = Pillow.fromarray(pixels(on_dark(picture.figure), PAGE_DPI))
     image.save(webp, "WEBP", quality=82, method=2)
     data = f"data:image/webp;base64,{b64encode(webp.getvalue()).decode('ascii')}"
     return Image(picture.key, picture.title, picture.caption, picture.alt, data, image.size)

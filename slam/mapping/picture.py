@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from slam.data.atomic import written_beside
 from slam.data.cloud import Array, PointCloud
 from slam.data.from_above import highest_last
-from slam.data.plot_style import QUICK
+from slam.data.plot_style import margins, save_png
 
 MAX_PIXELS = 1600  # along the longer side of the map
 MIN_PIXEL = 0.1  # m per pixel: with finer pixels a map of 0.2 m voxels would have holes
@@ -19,6 +18,8 @@ CELL = 2.0  # m, and at least two pixels: squares that share their nearest traje
 AT_ONCE = 1 << 17  # points that are coloured together: bounds the memory
 SAMPLED = 200_000  # points that the limits of the map are computed from, about
 LOWEST, HIGHEST = -2.5, 6.0  # m above the sensor's path: limits of the colour scale
+RED, DPI = "#FF3B30", 150
+LEFT, RIGHT, BELOW, ABOVE = 0.9, 0.2, 0.6, 0.15  # inches around the map
 
 
 def map_png(cloud: PointCloud, trajectory: Array, path: Path) -> None:
@@ -37,20 +38,20 @@ def map_png(cloud: PointCloud, trajectory: Array, path: Path) -> None:
     corners = np.concatenate([_extent(cloud.xyz[:, :2]), trajectory[:, :2].reshape(-1, 2)])
     low, high = np.floor(corners.min(axis=0)) - 5, np.ceil(corners.max(axis=0)) + 5
     pixel = max(MIN_PIXEL, float((high - low).max()) / MAX_PIXELS)
-    width, height = np.ceil((high - low) / pixel).astype(int)
+    width, height = np.ceil((high - low) / pixel).astype(int).tolist()
     picture = _drawn(cloud, trajectory, low, pixel, width, height)
 
-    figure = Figure(figsize=(1.5 + width / 150, 1.2 + height / 150), dpi=150, layout="constrained")
+    figure = Figure((LEFT + width / DPI + RIGHT, BELOW + height / DPI + ABOVE), DPI, facecolor="white")
     axes = figure.add_subplot()
+    margins(figure, LEFT, RIGHT, BELOW, ABOVE)
     edges = (low[0], low[0] + width * pixel, low[1], low[1] + height * pixel)
-    axes.imshow(picture, origin="lower", extent=edges, interpolation="antialiased")
-    axes.plot(*trajectory[:, :2].T, color="#ff3b30", linewidth=0.9, label="trajectory")
-    axes.plot(*trajectory[:1, :2].T, "o", color="#ff3b30", markersize=4)
+    axes.imshow(picture, origin="lower", extent=edges, interpolation="none", aspect="auto")  # its pixels are the file's
+    axes.plot(*trajectory[:, :2].T, color=RED, linewidth=0.9, label="trajectory")
+    axes.plot(*trajectory[:1, :2].T, "o", color=RED, markersize=4)
     axes.grid(color="white", alpha=0.25, linewidth=0.5)
     axes.set(xlabel="x [m]", ylabel="y [m]", xlim=edges[:2], ylim=edges[2:])
     axes.legend(loc="upper right", fontsize="small")
-    with written_beside(path) as temporary:
-        figure.savefig(temporary, metadata={"Software": None}, pil_kwargs=QUICK)
+    save_png(figure, path, DPI)
 
 
 def _extent(xy: Array) -> Array:
@@ -59,16 +60,16 @@ def _extent(xy: Array) -> Array:
 
 
 def _drawn(cloud: PointCloud, trajectory: Array, low: Array, pixel: float, width: int, height: int) -> Array:
-    """Image (H, W, 3) uint8, first row at the lowest y."""
-    picture = np.full((height * width, 3), BACKGROUND, np.uint8)
+    """Image (H, W, 4) uint8 RGBA, as matplotlib needs it, first row at the lowest y."""
+    picture = np.full((height * width, 4), (*3 * [BACKGROUND], 255), np.uint8)
     heights = _Heights(low, np.array([width, height]) * pixel, trajectory, max(CELL, 2 * pixel))
     shown = _shown(cloud, low, pixel, width, height)
     for start in range(0, len(shown), AT_ONCE):
         points = cloud.select(shown[start : start + AT_ONCE])
-        picture[_pixels(points.xyz, low, pixel, width)] = _colours(points, heights)
+        picture[_pixels(points.xyz, low, pixel, width), :3] = _colours(points, heights)
     empty = np.ones(height * width, bool)
     empty[_pixels(cloud.xyz[shown], low, pixel, width)] = False
-    return _without_holes(picture.reshape(height, width, 3), empty.reshape(height, width))
+    return _without_holes(picture.reshape(height, width, 4), empty.reshape(height, width))
 
 
 def _shown(cloud: PointCloud, low: Array, pixel: float, width: int, height: int) -> Array:
