@@ -23,7 +23,7 @@ ESTIMATE, TRUTH, ERROR = BLUE, GREY, VERMILION
 
 #: Sizes [inches]: width of the figure, height of the error's axes, space for labels and around the map.
 WIDTH, ERROR_HEIGHT, BETWEEN = 8.0, 1.35, 0.55
-LEFT, RIGHT, BELOW, ABOVE = 0.8, 0.15, 0.55, 0.7
+LEFT, RIGHT, BELOW, ABOVE = 0.9, 0.25, 0.55, 0.7
 
 #: Limits of the map: minimum and maximum ratio of height to width, and minimum width [m].
 MIN_ASPECT, MAX_ASPECT, MIN_SPAN = 0.3, 0.95, 4.0

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 DASHES = {"solid": "-", "dash": "--", "dot": ":"}
 SYMBOLS = {"circle": "o", "x": "x", "triangle": "^", "square": "s"}
 WIDTH, PANEL_HEIGHT = 8.0, 1.9  # inches
-LEFT, RIGHT, BELOW, GAP = 0.85, 0.15, 0.55, 0.2  # inches around panels and between them
+LEFT, RIGHT, BELOW, GAP = 0.95, 0.25, 0.55, 0.2  # inches around panels and between them
 TITLE, LEGEND_ROW = 0.35, 0.2  # inches above the panels
-NUMBER, TICKS = 0.4, 2.0  # inches for numbers, and at most for names, on the y axis
+NUMBER, TICKS = 0.5, 2.0  # inches for numbers, and at most for names, on the y axis
 SAMPLE = 0.6  # inches of a line of the legend, with spaces
 COLUMNS = 4  # of a legend, at most
 DPI = 150

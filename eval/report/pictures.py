@@ -232,7 +232,7 @@ def _beside(count: int, aspect: float, bar: bool) -> tuple[Figure, list[Axes]]:
 def _colour_bar(figure: Figure, colours: ScalarMappable, title: str) -> None:
     """Draw a colour bar on the right of the axes, in the space for it."""
     width = figure.get_figwidth()
-    first, last = (figure.axes[k].get_position() for k in (0, -1))
+    first, last = (figure.axes[k].get_position(original=True) for k in (0, -1))
     axis = figure.add_axes((last.x1 + BAR / width, last.y0, BAR / width, first.y1 - last.y0))
     figure.colorbar(colours, cax=axis, label=title)
 
