@@ -131,7 +131,7 @@ class Tunnel:
         if self._next <= 5:
             return OdometryStep(pose, 1e-6 * np.eye(6), "registered", None, cloud)
         unobserved = np.array([[0, 0, 0, -1.0, 0, 0], [0, 0, 0.6, 0, 0.8, 0]])[: 1 + (self._next == 8)]
-        return OdometryStep(pose, np.eye(6), "degenerate", None, cloud, unobserved)
+        return OdometryStep(pose, np.eye(6), "degenerate", None, cloud, unobserved=unobserved)
 
 
 def test_degenerate_frames_are_reported(street_scans: list[Array], tmp_path: Path) -> None:
