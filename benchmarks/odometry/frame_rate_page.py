@@ -18,7 +18,8 @@ PROTOCOL = """\
   peers have their authors' settings (benchmarks/odometry/peers.py), the same at 64 and at 16 channels.
 * The systems alternate scan by scan in one process, pinned to one core, with one thread each; the order changes from
   scan to scan. Repeats, with new instances: {repeats}. The time is from point cloud to pose, including deskewing and
-  the update of the map, without reading from disk; compilation and the first {uncounted} frames do not count.
+  the update of the map, without reading from disk; compilation and the first {uncounted} frames do not count. Peers get
+  the deskewed scan, ours deskews the points that it registers or keeps; a run deskews the whole scan for its map later.
 * Median and 95th percentile are over all counted scans; frames/s is their number divided by their total time. "x
   KISS-ICP" is KISS-ICP's median divided by the system's (in brackets: minimum and maximum of the repeats): above 1 is
   faster.
