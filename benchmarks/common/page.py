@@ -70,7 +70,8 @@ def _command() -> str:
             next(typed)
         elif not word.startswith("--results="):
             name, equals, value = word.rpartition("=")
-            words.append(name + equals + (Path(value).name if Path(value).exists() else value))
+            path, colon, rest = value.partition(":")  # as in FOLDER:INPUT
+            words.append(name + equals + (Path(path).name if path and Path(path).exists() else path) + colon + rest)
     return " ".join(words)
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import importlib
 import json
 import re
+import sys
 from pathlib import Path
 
 import pytest
 
-from benchmarks.common.page import write_results
+from benchmarks.common.page import surroundings, write_results
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 RESULTS = BENCHMARKS / "results"
@@ -40,3 +41,18 @@ def test_the_table_lists_every_page_and_its_command() -> None:
         assert f"(results/{name}.md)" in table
         assert f"`{script.parent.name}.{name} " in table
     assert len(table.splitlines()) <= 120
+
+
+def test_the_command_of_a_page_has_no_folders_of_the_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "town").mkdir()
+    words = [
+        f"{tmp_path}/town",
+        f"{tmp_path}/town:full",
+        f"--data={tmp_path}/town",
+        "--frames",
+        ":60",
+        "--results",
+        "x",
+    ]
+    monkeypatch.setattr(sys, "argv", ["script", *words])
+    assert surroundings(())["command"].endswith(" town town:full --data=town --frames :60")
