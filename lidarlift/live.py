@@ -19,7 +19,8 @@ from slam.data.point_files import points_of
 from slam.data.scan_columns import Columns, find_columns
 from slam.data.sensor import load_sensor
 from slam.identity import live_identity
-from slam.run import FrameRecord, Observer, Run, Source
+from slam.records import FrameRecord
+from slam.run import Observer, Run, Source
 from slam.settings import Config
 
 NAME, EMPTY = "live", PointCloud(np.zeros((0, 3)), np.zeros(0))

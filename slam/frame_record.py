@@ -8,9 +8,7 @@ from slam.data.errors import InputError
 from slam.data.problem import Problem
 from slam.journal.session_file import REMEDY, SessionFile
 from slam.journal.tables import FRAME, PROBLEM, Row, RowError, array_of, text_of
-from slam.run import STAGES, FrameRecord
-
-STATUSES = ("registered", "retried", "degenerate", "failed")
+from slam.records import STAGES, STATUSES, FrameRecord, Records
 
 
 def row_of(record: FrameRecord) -> Row:
@@ -26,14 +24,14 @@ def row_of(record: FrameRecord) -> Row:
     )
 
 
-def records_in(file: SessionFile) -> list[FrameRecord]:
+def records_in(file: SessionFile) -> Records:
     """Return the records of all frames.
 
     Raises:
         InputError: A row is damaged.
     """
     try:
-        return [_record(row) for row in file.rows(FRAME)]
+        return Records(_record(row) for row in file.rows(FRAME))
     except (ValueError, TypeError, RecursionError) as error:
         raise InputError(f"{file.path}: damaged ({error}); {REMEDY}") from error
 

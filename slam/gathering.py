@@ -11,6 +11,7 @@ import numpy as np
 from slam.data import se3
 from slam.data.camera import with_colours
 from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.growing import Growing
 from slam.mapping.keyframes import Keyframe, Keyframes
 from slam.odometry import OdometryStep
 from slam.segments import GAP_COVARIANCE, SEGMENT_DISTANCE
@@ -48,7 +49,7 @@ class Gatherer:
 
     def __init__(self, config: Config, keyframes: Keyframes) -> None:
         self.config, self.keyframes = config, keyframes
-        self.milliseconds: list[float] = []
+        self.milliseconds = Growing()
         self._travelled, self._last = 0.0, np.zeros(3)
         self._covariance = np.zeros((6, 6))  # sum of the registration covariances since the last keyframe
         self._motion: tuple[Array, Array] | None = None  # of the keyframe that is not complete, since the one before

@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from slam.data.cloud import Array, Frame, PointCloud
+from slam.data.growing import Growing
 from slam.data.machine import trim_memory
 from slam.gathering import Completed, Gatherer
 from slam.graph.back_end import BackEnd
@@ -63,8 +64,8 @@ class Mapper:
         self._completed: deque[Completed] = deque()  # keyframes that are not in the graph yet
         self._snapshots: deque[tuple[dict[str, Frozen], dict[str, int]]] = deque()  # to be written
         self._count = 0  # number of keyframes in the graph
-        self._closed: list[tuple[int, int]] = []  # keyframes of the loops so far
-        self._laps: dict[str, list[float]] = {"loops": [], "back_end": []}
+        self._closed = Growing(2)  # keyframes of the loops so far
+        self._laps = {"loops": Growing(), "back_end": Growing()}  # ms
         if self.journal and state:
             self._restore(self.journal, state)
 
@@ -84,9 +85,9 @@ class Mapper:
         self._searching.shutdown(wait=wait, cancel_futures=True)
 
     @property
-    def milliseconds(self) -> dict[str, list[float]]:
+    def milliseconds(self) -> dict[str, Array]:
         """Run times by stage: 'map' per scan, 'loops' and 'back_end' per keyframe."""
-        return {"map": self._gatherer.milliseconds, **self._laps}
+        return {name: laps.array() for name, laps in (("map", self._gatherer.milliseconds), *self._laps.items())}
 
     def add(self, position: int, frame: Frame, recorded: PointCloud, step: OdometryStep) -> None:
         """Queue a scan; block if `MAX_QUEUED_SCANS` are waiting. Exceptions of earlier scans are raised here.
@@ -186,7 +187,7 @@ class Mapper:
                 if verification.accepted:
                     add = self._back_end.add_known if known else self._back_end.add_loop
                     add(candidate, verification.covariance)
-                    self._closed.append((candidate.i, candidate.j))
+                    self._closed.append(np.array([candidate.i, candidate.j]))
                 else:
                     self._back_end.reject(candidate, verification.reason)
             graph += time.perf_counter() - begin
@@ -210,7 +211,7 @@ class Mapper:
 
     def _progress(self) -> LoopProgress:
         indices = self._keyframes.indices[: self._count]
-        loops = tuple((int(indices[i]), int(indices[j])) for i, j in self._closed)
+        loops = tuple((i, j) for i, j in indices[self._closed.array().astype(int)].tolist())
         return LoopProgress(indices, self._keyframes.poses[: self._count], self._optimised(), loops)
 
     def _snapshot(self, parts: dict[str, Any], counts: dict[str, int], late: Callable[[], Any]) -> None:
@@ -234,8 +235,9 @@ class Mapper:
         self._gatherer.restore(state["gathered"])
         restore_places(journal.file, self.config, self._keyframes.poses, self._search)
         add_edges(journal.file, self._back_end)
-        accepted = (record for record in self._back_end.ledger() if record.status == "accepted")
-        self._closed = [(record.candidate.i, record.candidate.j) for record in accepted]
+        for record in self._back_end.ledger():
+            if record.status == "accepted":
+                self._closed.append(np.array([record.candidate.i, record.candidate.j]))
         self._laps = state["mapper"]["laps"]
         self._completed.extend(state["mapper"]["completed"])  # closed with the next keyframe
         self._count = len(self._keyframes) - len(self._completed)

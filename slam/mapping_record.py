@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -51,7 +51,7 @@ class MappingRecord:
             LOOP, loop.i, loop.j, *map(float, evidence), verification.reason, text_of(loop.pose), covariance
         )
 
-    def result(self, poses: Array, ledger: list[LoopRecord]) -> None:
+    def result(self, poses: Array, ledger: Sequence[LoopRecord]) -> None:
         """Write the optimised poses (K, 4, 4) of the keyframes and the decisions on all candidates."""
         for pose in poses:
             self.journal.append(OPTIMISED, text_of(pose))

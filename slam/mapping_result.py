@@ -32,7 +32,7 @@ class MappingResult:
 
     poses: Array
     keyframes: Keyframes
-    ledger: list[LoopRecord]
+    ledger: Sequence[LoopRecord]
     graph: PoseGraph
     map: PointCloud
     known: Array

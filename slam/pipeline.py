@@ -13,8 +13,9 @@ from slam.data.dataset import Dataset
 from slam.front_end import FrontEnd
 from slam.journal.journal import Journal
 from slam.recorded_odometry import RecordedOdometry
+from slam.records import FrameRecord
 from slam.refusal import RefusedError, raise_if_strict
-from slam.run import FrameRecord, Observer, Run
+from slam.run import Observer, Run
 from slam.run_record import require_same_scan
 from slam.settings import Config
 from slam.slam import Slam

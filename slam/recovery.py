@@ -80,15 +80,14 @@ def recovered(path: Path) -> Recovered:
     if edges > max(len(kept) - 1, 0) or any(position >= len(records) for position, _, _ in kept):
         raise InputError(f"{path}: damaged (keyframes are missing); {REMEDY}")
     keyframes = Keyframes(config.keyframes, _Clouds(path), kept[: edges + 1])
-    poses, own = np.array([record.pose for record in records]), keyframes.poses
+    poses, own = records.poses, keyframes.poses
     optimised = own
     if back_end.has_loops:
         back_end.settle()
         optimised = own[0] @ back_end.poses()
         starts = keyframes.indices[segment_starts(back_end.odometry)].tolist()
         poses = corrected_poses(poses, keyframes.indices, own, optimised, starts)
-    stamps = np.array([record.stamp for record in records])
-    return Recovered(stamps, poses, T_camera0_lidar, *mapped(keyframes, optimised, back_end), config)
+    return Recovered(records.stamps, poses, T_camera0_lidar, *mapped(keyframes, optimised, back_end), config)
 
 
 @dataclass(frozen=True)

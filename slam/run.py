@@ -23,39 +23,9 @@ from slam.graph.drift import MotionErrors, accumulating, map_errors
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.uncertainty import frame_covariances
 from slam.mapping_result import LoopProgress, MappingResult
+from slam.records import FrameRecord, Records
 from slam.segments import GAP_COVARIANCE, segment_starts, unjoined
 from slam.settings import Config
-
-#: Stages of a frame; "waiting" is the time that the odometry waits for the mapper, which has stages of its own.
-STAGES = ("load", "front_end", "odometry", "waiting")
-
-
-@dataclass(frozen=True, eq=False)
-class FrameRecord:
-    """The odometry's answer for one frame.
-
-    Attributes:
-        index: The frame's number in its data set; in a live run its position, from 0.
-        stamp: Seconds.
-        pose: (4, 4) T_world_lidar; the world is the first scan's frame.
-        covariance: (6, 6) of the motion since the scan before, as in `OdometryStep`.
-        status: 'registered', 'retried', 'degenerate' or 'failed', as in `OdometryStep`.
-        inlier_ratio: Share of the matched points that fit the map, 0..1; NaN if nothing was registered.
-        points: Number of points that the front end passed to the odometry.
-        milliseconds: Run time by the stages `STAGES`.
-        unobserved: (K, 6) unit vectors (rotation, translation) in the sensor frame in which a degenerate scan did not
-            constrain the pose: along them the pose is the prediction. (0, 6) for any other scan.
-    """
-
-    index: int
-    stamp: float
-    pose: Array
-    covariance: Array
-    status: str
-    inlier_ratio: float
-    points: int
-    milliseconds: dict[str, float]
-    unobserved: Array = field(default_factory=lambda: np.zeros((0, 6)))
 
 
 class Observer(Protocol):
@@ -139,15 +109,15 @@ class Run:
     timed: int = 0
     sizes: Sizes | None = None
     mapping: MappingResult | None = None
-    milliseconds: dict[str, list[float]] = field(default_factory=dict)
-    records: list[FrameRecord] = field(default_factory=list)
+    milliseconds: dict[str, Array] = field(default_factory=dict)
+    records: Records = field(default_factory=Records)
     problems: list[Problem] = field(default_factory=list)
     remarks: tuple[str, ...] = ()
 
     @property
     def odometry_poses(self) -> Array:
         """Poses (N, 4, 4) T_world_lidar before loop closure; the first is the identity."""
-        return np.array([record.pose for record in self.records]).reshape(-1, 4, 4)
+        return self.records.poses
 
     @property
     def poses(self) -> Array:
@@ -180,10 +150,10 @@ class Run:
     def _motion_errors(self, starts: Sequence[int]) -> MotionErrors:
         """Errors of the odometry, whose local maps began at the first frame and at `starts`."""
         poses = self.odometry_poses
-        covariances = np.array([record.covariance for record in self.records]).reshape(-1, 6, 6)
+        covariances, statuses = self.records.covariances, self.records.statuses
         if self.sizes is not None and self.config.odometry.target == "map":
-            failed = np.array([record.status == "failed" for record in self.records], bool)
-            return map_errors(poses, covariances, [record.unobserved for record in self.records], failed, starts)
+            failed = np.array([status == "failed" for status in statuses], bool)
+            return map_errors(poses, covariances, self.records.unobserved, failed, starts)
         travelled = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0, prepend=poses[:1, :3, 3]), axis=1)
         return accumulating(covariances + travelled[:, None, None] * drift_per_metre(self.config.pose_graph))
 
@@ -195,7 +165,7 @@ class Run:
     @property
     def stamps(self) -> Array:
         """Stamps (N,) [s]."""
-        return np.array([record.stamp for record in self.records])
+        return self.records.stamps
 
     @property
     def ground_truth(self) -> Array | None:
@@ -235,7 +205,7 @@ class Run:
 
     def counts(self) -> dict[str, int]:
         """Count frames by status, and problems by kind."""
-        statuses = Counter(record.status for record in self.records)
+        statuses = Counter(self.records.statuses)
         kinds = Counter(problem.kind for problem in self.problems)
         known = {name: statuses[name] for name in ("registered", "retried", "degenerate", "failed")}
         return {"frames": len(self.records), **known, **{kind.replace(" ", "_"): n for kind, n in kinds.items()}}
@@ -243,11 +213,11 @@ class Run:
     def notes(self) -> list[str]:
         """Return notes for the reader of the results, one sentence each."""
         poses, found = self.odometry_poses, []
-        for number, record in enumerate(self.records):
-            if record.status == "degenerate":
+        directions, frames = self.records.unobserved, self.records.indices
+        for number, status in enumerate(self.records.statuses):
+            if status == "degenerate":
                 motion = (se3.inverse(poses[number]) @ poses[max(number - 1, 0)])[:3, 3]
-                found.append(degeneracy.directions(record.unobserved, motion))
-        frames = np.array([record.index for record in self.records])
+                found.append(degeneracy.directions(directions[number], motion))
         segments = self.mapping.segments_note(frames) if self.mapping else ""
         degenerate = degeneracy.summary(found, len(self.records)) if found else ""
         return [*self.remarks, *(note for note in (segments, degenerate) if note)]

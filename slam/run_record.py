@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
-from slam.data.cloud import Array, Frame
+from slam.data.cloud import Frame
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
+from slam.data.growing import Growing
 from slam.frame_record import problems_in, records_in, row_of
 from slam.identity import fingerprint
 from slam.journal.journal import Journal
@@ -38,7 +37,7 @@ class Progress:
     tracker: Tracker
     mapper: Mapper
     images: LateProblems = field(default_factory=LateProblems)
-    centres: list[Array] = field(default_factory=list)
+    centres: Growing = field(default_factory=lambda: Growing(2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ class RunRecord:
     def snapshot(self, last: Frame) -> None:
         """Write a snapshot after the frame `last`, once that is mapped."""
         counts, now = self.journal.counts(), self.progress
-        own = {"centres": np.array(now.centres), "timed": now.run.timed, "last": fingerprint(last.cloud)}
+        own = {"centres": now.centres.array(), "timed": now.run.timed, "last": fingerprint(last.cloud)}
         now.mapper.snapshot(
             {"run": freeze(own), "tracker": freeze(now.tracker.state())},
             {table.name: counts[table.name] for table in (FRAME, PROBLEM)},
@@ -84,7 +83,8 @@ class RunRecord:
         now.tracker.restore(state["tracker"])
         now.run.records, now.run.problems = records_in(file), problems_in(file)
         now.run.timed, now.run.sizes = own["timed"], now.tracker.sizes
-        now.centres.extend(own["centres"])
+        for centre in own["centres"]:
+            now.centres.append(centre)
         now.images.before.extend(state["late"])
 
 

@@ -34,7 +34,8 @@ from slam.journal.journal import Journal, has_snapshot, remove_session
 from slam.journal.session_file import SessionFile
 from slam.journal.tables import FRAME
 from slam.mapping.picture import map_png
-from slam.run import STAGES, Run
+from slam.records import STAGES
+from slam.run import Run
 
 RESULTS = (  # written after loops and map
     "run.json",
@@ -185,7 +186,7 @@ def save_run(run: Run, folder: str | Path, journal: Journal | None = None) -> Pa
     folder = Path(folder)
     save_odometry(run, folder)
     _write_poses(run, folder, "trajectory", run.poses)
-    frames = [record.index for record in run.records]
+    frames = run.records.indices.tolist()
     write_text(folder / "trajectory_covariance.csv", covariance_text(frames, run.stamps, run.covariances()))
     _write_mapping(run, folder)
     if journal:
@@ -217,7 +218,7 @@ def _write_mapping(run: Run, folder: Path) -> None:
     mapping = run.mapping
     if mapping is None or len(mapping.keyframes) == 0:
         return
-    frames = [run.records[index].index for index in mapping.keyframes.indices]
+    frames = run.records.indices[mapping.keyframes.indices].tolist()
     write_text(folder / "loops.csv", csv_text(mapping.ledger, frames))
     write_g2o(folder / "graph.g2o", mapping.graph)
     if len(mapping.map):
@@ -273,8 +274,7 @@ def _vectors(vectors: Array) -> str:
 def _report(run: Run) -> dict[str, Any]:
     source = run.source
     positions = source.positions or range(len(run.records))
-    times = {stage: np.array([record.milliseconds[stage] for record in run.records]) for stage in STAGES}
-    times |= {stage: np.array(values) for stage, values in run.milliseconds.items()}
+    times = {stage: run.records.milliseconds(stage) for stage in STAGES} | run.milliseconds
     return {
         "protocol": {
             "dataset": source.name,

@@ -23,8 +23,9 @@ from slam.journal.journal import Journal
 from slam.mapper import Mapper
 from slam.mid_sweep import MidSweepOdometry
 from slam.odometry import Odometry, OdometryStep
+from slam.records import FrameRecord
 from slam.refusal import check_times, raise_if_strict
-from slam.run import FrameRecord, Observer, Run, Source
+from slam.run import Observer, Run, Source
 from slam.run_record import Progress, RunRecord
 from slam.settings import Config
 from slam.source import SWEEP, vertical_correction
@@ -133,12 +134,13 @@ class Slam:
         begin, step = time.perf_counter(), tracked.step
         if not step.provisional:
             self._pass_to_mapper((*step.revised, step))
-        laps["waiting"] = 1e3 * (time.perf_counter() - begin)
+        record, laps["waiting"] = self.result.records[-1], 1e3 * (time.perf_counter() - begin)
+        self.result.records[-1] = record = replace(record, milliseconds=laps)
         if self._record and not self._waiting:
             self._record.add(frame)
         if self._observer:
-            self._observer.registered(frame, step.cloud, self.result.records[-1])
-        return self.result.records[-1]
+            self._observer.registered(frame, step.cloud, record)
+        return record
 
     def _check(self, frame: Frame) -> None:
         """Refuse what cannot be registered, and report the problems of a frame."""
@@ -192,7 +194,7 @@ class Slam:
                 self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
                 self._mapper.close()
                 self._report(self._progress.images.rest())
-                centres = np.array(self._progress.centres)
+                centres = self._progress.centres.array()
                 self.result.problems.extend(world_frame_problem(centres, self.result.odometry_poses))
                 if self._observer:
                     self._observer.finished(self.result)

@@ -148,7 +148,7 @@ def _row(slam: Slam, truth: Array, clock: _Clock, memory: float) -> dict[str, fl
     }
 
 
-def _quarters(values: Sequence[float]) -> list[float]:
+def _quarters(values: Sequence[float] | Array) -> list[float]:
     """Means of the second and of the last quarter."""
     quarter = max(len(values) // 4, 1)
     return [float(np.mean(values[quarter : 2 * quarter])), float(np.mean(values[-quarter:]))]

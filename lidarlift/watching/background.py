@@ -10,7 +10,8 @@ from typing import Self
 
 from slam.data.cloud import Frame, PointCloud
 from slam.mapping_result import LoopProgress
-from slam.run import FrameRecord, Observer, Run
+from slam.records import FrameRecord
+from slam.run import Observer, Run
 
 MAX_WAITING = 8  # frames; the run waits when an observer is this many behind, so that nothing is left out
 

@@ -21,7 +21,7 @@ from slam.data.distortion import correct_vertical, deskew
 from slam.data.errors import InputError
 from slam.data.point_files import read_cloud
 from slam.data.sensor_names import SENSORS
-from slam.run import FrameRecord
+from slam.records import FrameRecord
 from slam.settings import FrontEndSettings
 
 if TYPE_CHECKING:

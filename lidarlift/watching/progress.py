@@ -12,7 +12,8 @@ import numpy as np
 
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.mapping_result import LoopProgress
-from slam.run import FrameRecord, Observer, Run
+from slam.records import FrameRecord, Records
+from slam.run import Observer, Run
 
 PART_POINTS = 250  # of a part of the map: one scan, thinned
 PART_DISTANCE = 2.0  # m between two parts at the beginning
@@ -95,7 +96,7 @@ class Progress(Observer):
             now, loops, final, known = self._version, self._loops, self._final, list(self._parts)
         if version != now:
             frames = parts = 0
-        records = list(self._run.records) if self._run else []
+        records = self._run.records if self._run else Records()
         poses = self._corrected(records, loops, final)
         return {
             **self._figures(records),
@@ -107,16 +108,15 @@ class Progress(Observer):
             "finished": final is not None,
         }
 
-    def _corrected(self, records: list[FrameRecord], loops: LoopProgress | None, final: Array | None) -> Array:
+    def _corrected(self, records: Records, loops: LoopProgress | None, final: Array | None) -> Array:
         if final is not None:
             return final
-        poses = np.array([record.pose for record in records]).reshape(-1, 4, 4)
-        return loops.corrected(poses) if loops else poses
+        return loops.corrected(records.poses) if loops else records.poses
 
-    def _figures(self, records: list[FrameRecord]) -> dict[str, Any]:
+    def _figures(self, records: Records) -> dict[str, Any]:
         times = list(self._times)
         rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else None
-        counts = Counter(record.status for record in records)
+        counts = Counter(records.statuses)
         last = records[-1] if records else None
         return {
             "title": self._title,

@@ -16,7 +16,8 @@ from slam.data.errors import InputError
 from slam.data.images import ImageFile
 from slam.data.se3 import from_first
 from slam.mapping_result import LoopProgress
-from slam.run import FrameRecord, Observer, Run
+from slam.records import FrameRecord
+from slam.run import Observer, Run
 
 MAX_POINTS = 15_000  # of a scan, measured and enriched each: half a megabyte per frame
 LOCAL_SCANS, LOCAL_POINTS = 20, 2_000  # of the local map, and points of each of its scans

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import replace
+from copy import deepcopy
+from itertools import chain
 
 import numpy as np
 
 from slam.data import se3
 from slam.data.cloud import Array
 from slam.graph.chain import Chain
-from slam.graph.ledger import LoopCandidate, LoopRecord, Status
+from slam.graph.ledger import Ledger, LoopCandidate, LoopRecord
 from slam.graph.loop_selection import select_loops
-from slam.graph.pose_graph import Edge, PoseGraph, disagreement, odometry_poses
+from slam.graph.pose_graph import Edge, Edges, PoseGraph, disagreement, odometry_poses
 from slam.graph.solver import Incremental
 
 
@@ -28,15 +29,15 @@ class BackEnd:
 
     Attributes:
         odometry: The odometry edges.
-        known: The loop of each pose at a known place that is not solved for, by the pose.
+        known: The number in the ledger of the loop of each pose at a known place that is not solved for, by the pose.
     """
 
     def __init__(self) -> None:
-        self.odometry: list[Edge] = []
-        self.known: dict[int, Edge] = {}
+        self.odometry = Edges()
+        self.known: dict[int, int] = {}
         self._last_known: tuple[int, Edge] | None = None  # as in `_loops`; part of the graph, unless the next is known
         self._loops: list[tuple[int, Edge]] = []  # index of the record in the ledger, and the edge
-        self._records: list[LoopRecord] = []
+        self._ledger = Ledger()
         self._chain = Chain()
         self._selected = 0  # number of loops in the last batch solution
         self._settled = np.eye(4)[None]  # poses of the last batch solution
@@ -82,8 +83,8 @@ class BackEnd:
         record, edge = self._recorded(candidate, covariance)
         if self._last_known and self._last_known[1].j == edge.j - 1:
             number, before = self._last_known
-            self.known[before.j] = before
-            self._records[number] = replace(self._records[number], weight=1.0, reason="known place")
+            self.known[before.j] = number
+            self._ledger.decide(number, 1.0, "accepted", "known place")
         elif self._last_known:
             self._extend(self._last_known[1].j)
         self._extend(edge.i)
@@ -91,7 +92,7 @@ class BackEnd:
 
     def reject(self, candidate: LoopCandidate, reason: str) -> None:
         """Record a candidate that the verification rejected; it is not added to the graph."""
-        self._records.append(LoopRecord(candidate, 0.0, "rejected", reason))
+        self._ledger.append(LoopRecord(candidate, 0.0, "rejected", reason), None)
 
     def restore(
         self,
@@ -115,7 +116,7 @@ class BackEnd:
         for number, edge in enumerate(odometry):
             if (edge.i, edge.j) != (number, number + 1):
                 raise ValueError(f"odometry edge {edge.i} -> {edge.j} in place of {number} -> {number + 1}")
-        self.odometry, self._online = list(odometry), None
+        self.odometry, self._online = Edges(odometry), None
         for candidate, covariance, reason in loops:
             if covariance is None:
                 self.reject(candidate, reason)
@@ -129,16 +130,17 @@ class BackEnd:
     @property
     def has_loops(self) -> bool:
         """Whether any loop is accepted."""
-        return any(self._records[record].status == "accepted" for record, _ in self._loops)
+        return any(self._ledger[record].status == "accepted" for record, _ in self._loops)
 
     def poses(self) -> Array:
         """Return all poses T_world_i (N, 4, 4) from all edges so far."""
         assert self._online is not None
         solved, poses = self._chain.nodes, np.tile(np.eye(4), (len(self), 1, 1))
         poses[solved] = self._online.poses()
-        given = self.known | ({self._last_known[1].j: self._last_known[1]} if self._last_known else {})
-        for edge in given.values():
-            poses[edge.j] = poses[edge.i] @ edge.pose
+        given = self.known | ({self._last_known[1].j: self._last_known[0]} if self._last_known else {})
+        for record in given.values():
+            loop = self._ledger[record].candidate
+            poses[loop.j] = poses[loop.i] @ loop.pose
         for edge in self.odometry[solved[-1] :]:  # not part of the graph yet
             if edge.j not in given:
                 poses[edge.j] = se3.normalized(poses[edge.i] @ edge.pose)
@@ -151,25 +153,24 @@ class BackEnd:
         since = odometry_poses(odometry[len(self._settled) - 1 :], self._settled[-1])
         selection = select_loops(odometry, loops, np.concatenate([self._settled, since[1:]]))
         for (record, _), accepted, reason in zip(self._loops, selection.accepted, selection.reasons, strict=True):
-            before = self._records[record]
-            status: Status = "accepted" if accepted else "rejected"
-            self._records[record] = replace(before, weight=float(accepted), status=status, reason=reason)
+            self._ledger.decide(record, float(accepted), "accepted" if accepted else "rejected", reason)
         self._settled, self._selected = selection.poses, len(loops)
         kept = [edge for edge, accepted in zip(loops, selection.accepted, strict=True) if accepted]
         self._online = Incremental(odometry, kept, selection.poses)
 
-    def ledger(self) -> list[LoopRecord]:
+    def ledger(self) -> Ledger:
         """Return the records of all candidates in order; loops added after `settle` have their online weight."""
-        records, poses = list(self._records), self.poses()
+        ledger, poses = deepcopy(self._ledger), self.poses()
         for record, edge in self._loops[self._selected :]:
             weight = Incremental.loop_weight(float(np.sqrt(disagreement(edge, poses))))
-            records[record] = replace(records[record], weight=weight)
-        return records
+            ledger.decide(record, weight, ledger[record].status, ledger[record].reason)
+        return ledger
 
     def graph(self) -> PoseGraph:
         """Return the pose graph of all poses, the odometry and the accepted loops, also those of known places."""
-        accepted = [edge for record, edge in self._loops if self._records[record].status == "accepted"]
-        return PoseGraph(self.poses(), (*self.odometry, *accepted, *self.known.values()))
+        accepted = (edge for record, edge in self._loops if self._ledger[record].status == "accepted")
+        known = (self._ledger.edge(record) for record in self.known.values())
+        return PoseGraph(self.poses(), Edges(chain(self.odometry, accepted, known)))
 
     def _recorded(self, candidate: LoopCandidate, covariance: Array) -> tuple[int, Edge]:
         """The number of the new record of a verified loop, and its edge."""
@@ -178,8 +179,7 @@ class BackEnd:
             raise ValueError(f"loop {edge.i} -> {edge.j}: poses 0 to {len(self) - 1} exist")
         if self._left_out(edge.i) or edge.j in self.known:
             raise ValueError(f"loop {edge.i} -> {edge.j}: joins a pose at a known place")
-        self._records.append(LoopRecord(candidate, 0.0, "accepted", "verified"))
-        return len(self._records) - 1, edge
+        return self._ledger.append(LoopRecord(candidate, 0.0, "accepted", "verified"), covariance), edge
 
     def _left_out(self, pose: int) -> bool:
         """Whether a pose is at a known place and not part of the graph."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import overload
 
 import numpy as np
 
 from slam.data import se3
 from slam.data.cloud import Array
+from slam.data.growing import Growing
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,44 @@ class PoseGraph:
     """Poses (N, 4, 4) T_world_i, an estimate or an initial guess, and the edges between them."""
 
     poses: Array
-    edges: tuple[Edge, ...]
+    edges: Sequence[Edge]
+
+
+class Edges(Sequence[Edge]):
+    """Edges in the order of appending, 0.4 kB each: those of a run grow as long as it does.
+
+    Args:
+        edges: The first ones.
+    """
+
+    def __init__(self, edges: Iterable[Edge] = ()) -> None:
+        self._rows = Growing(2 + 16 + 36)
+        for edge in edges:
+            self.append(edge)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, position: int) -> Edge: ...
+    @overload
+    def __getitem__(self, position: slice) -> list[Edge]: ...
+    def __getitem__(self, position: int | slice) -> Edge | list[Edge]:
+        if isinstance(position, slice):
+            return [self[each] for each in range(*position.indices(len(self)))]
+        row = self._rows[position]
+        return _checked(int(row[0]), int(row[1]), row[2:18].reshape(4, 4), row[18:].reshape(6, 6))
+
+    def append(self, edge: Edge) -> None:
+        """Append an edge."""
+        self._rows.append(np.concatenate([(edge.i, edge.j), edge.pose.ravel(), edge.covariance.ravel()]))
+
+
+def _checked(i: int, j: int, pose: Array, covariance: Array) -> Edge:
+    """An edge that was checked before it was stored: a check takes longer than all else."""
+    edge = object.__new__(Edge)
+    edge.__dict__.update(i=i, j=j, pose=pose, covariance=covariance)
+    return edge
 
 
 def _check_pose(pose: Array, name: str) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.data.errors import InputError
+from slam.data.growing import Growing
 from slam.mapping.spill import Spill
 from slam.mapping.visibility import SPHERE_COLUMNS, SPHERE_ROWS, RangeImage
 from slam.mapping.voxel_averages import VoxelAverages
@@ -94,7 +95,9 @@ class Keyframes(Sequence[Keyframe]):
         limits = self.settings
         self._gathered = VoxelAverages(limits.voxel_size, limits.min_range, limits.max_range)
         self._begun: _Begun | None = None
-        self._kept, self._storage = [Place(*place) for place in kept], storage
+        self._places, self._storage = Growing(2 + 16), storage
+        for place in kept:
+            self._keep(Place(*place))
         self.spill = Spill(int(1e6 * limits.memory_mb), storage.block if storage else None, len(kept))
         self._unpacked_lately = lru_cache(RECENT)(self._unpack)  # submaps read the same neighbours repeatedly
 
@@ -125,7 +128,7 @@ class Keyframes(Sequence[Keyframe]):
         if self._storage:
             self._storage.store(begun.index, begun.travelled, begun.pose, block)
         self.spill.append(block)
-        self._kept.append(Place(begun.index, begun.pose, begun.travelled))
+        self._keep(Place(begun.index, begun.pose, begun.travelled))
         self._gathered.clear()
         return self[-1]
 
@@ -139,13 +142,13 @@ class Keyframes(Sequence[Keyframe]):
         self._gathered.restore(state["gathered"])
 
     def __len__(self) -> int:
-        return len(self._kept)
+        return len(self._places)
 
     def __getitem__(self, position: int) -> Keyframe:  # type: ignore[override]  # no slices
-        return self._unpacked_lately(range(len(self._kept))[position])
+        return self._unpacked_lately(range(len(self))[position])
 
     def _unpack(self, number: int) -> Keyframe:
-        place = self._kept[number]
+        place = self.place(number)
         return Keyframe(place.index, place.pose, place.travelled, *_unpacked(self.spill.read(number)))
 
     def __iter__(self) -> Iterator[Keyframe]:
@@ -153,22 +156,26 @@ class Keyframes(Sequence[Keyframe]):
 
     def place(self, position: int) -> Place:
         """Return what is known of a keyframe without its cloud, which may be on disk."""
-        return self._kept[position]
+        row = self._places[position]
+        return Place(int(row[0]), row[2:].reshape(4, 4), float(row[1]))
 
     @property
     def indices(self) -> Array:
         """Frame indices (K,) in the run."""
-        return np.array([place.index for place in self._kept], int)
+        return self._places.array(0).astype(int)
 
     @property
     def poses(self) -> Array:
         """Odometry poses (K, 4, 4) T_world_lidar."""
-        return np.array([place.pose for place in self._kept]).reshape(-1, 4, 4)
+        return self._places.array(slice(2, None)).reshape(-1, 4, 4)
 
     @property
     def travelled(self) -> Array:
         """Travelled distances (K,) [m]."""
-        return np.array([place.travelled for place in self._kept], float)
+        return self._places.array(1)
+
+    def _keep(self, place: Place) -> None:
+        self._places.append(np.concatenate([(place.index, place.travelled), place.pose.ravel()]))
 
     def begins(self, pose: Array) -> bool:
         """Check whether a scan at this pose (4, 4) T_world_lidar begins a new keyframe."""

@@ -20,7 +20,8 @@ from slam.data.point_files import read_points
 from slam.data.pose_files import read_poses
 from slam.odometry import OdometryStep
 from slam.pipeline import Pipeline
-from slam.run import STAGES, Run
+from slam.records import STAGES
+from slam.run import Run
 from slam.session import read_report, save_odometry, save_run
 from slam.slam import Slam
 

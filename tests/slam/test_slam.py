@@ -19,8 +19,9 @@ from slam.journal import journal as journals
 from slam.journal.journal import Journal
 from slam.odometry import OdometryStep
 from slam.recorded_odometry import RecordedSteps
+from slam.records import STAGES
 from slam.recovery import recovered
-from slam.run import STAGES, Run
+from slam.run import Run
 from slam.slam import Slam
 
 SIDE, FRAMES = 24.0, 112  # m, side of a square block; more than one round

@@ -19,7 +19,8 @@ from lidarlift.watching.server import ProgressServer
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
 from slam.mapping_result import LoopProgress
-from slam.run import FrameRecord, Observer, Run, Source
+from slam.records import STAGES, FrameRecord
+from slam.run import Observer, Run, Source
 from slam.settings import Config
 
 Drive = Callable[..., Path]
@@ -58,7 +59,9 @@ class Failing(Seen):
 
 
 def record(position: int, pose: Array) -> FrameRecord:
-    return FrameRecord(100 + position, 0.1 * position, pose, np.eye(6), "registered", 0.9, 5, {})
+    return FrameRecord(
+        100 + position, 0.1 * position, pose, np.eye(6), "registered", 0.9, 5, dict.fromkeys(STAGES, 0.0)
+    )
 
 
 def walked(count: int, step: float = 1.0) -> tuple[Progress, Run]:
