@@ -17,6 +17,7 @@ from slam.data.growing import Growing
 from slam.data.machine import trim_memory
 from slam.gathering import Completed, Gatherer
 from slam.graph.back_end import BackEnd
+from slam.graph.ledger import Ledger
 from slam.journal.journal import Journal
 from slam.journal.state import Frozen, freeze
 from slam.journal.tables import KEYFRAME
@@ -64,6 +65,9 @@ class Mapper:
         self._completed: deque[Completed] = deque()  # keyframes that are not in the graph yet
         self._snapshots: deque[tuple[dict[str, Frozen], dict[str, int]]] = deque()  # to be written
         self._count = 0  # number of keyframes in the graph
+        self._ended: Future[None] | None = None  # the completion of the last keyframe
+        self._settled: Future[None] | None = None  # the selection of the loops after it
+        self._selected: tuple[Array, Ledger] | None = None  # poses and decisions after it
         self._closed = Growing(2)  # keyframes of the loops so far
         self._laps = {"loops": Growing(), "back_end": Growing()}  # ms
         if self.journal and state:
@@ -104,7 +108,7 @@ class Mapper:
         """Raise the exception of an earlier scan, if there is one."""
         for tasks in (self._scans, self._searches):
             while tasks and tasks[0].done():
-                tasks.popleft().result()
+                _take_first(tasks)
 
     def snapshot(self, parts: dict[str, Any], counts: dict[str, int], late: Callable[[], Any]) -> None:
         """Queue a snapshot of the run after the scans so far.
@@ -122,27 +126,39 @@ class Mapper:
         return gathered.result().result()
 
     def finish(self) -> MappingResult:
-        """Search the last keyframes for loops, select the consistent loops, and build the map."""
-        self._scans.append(self._gathering.submit(lambda: self._search_later(self._gatherer.finish())))
-        while self._scans:
-            self._scans.popleft().result()
-        self._searches.append(self._searching.submit(self._back_end.settle))
-        while self._searches:
-            self._searches.popleft().result()
-        ledger, poses = self._back_end.ledger(), self._optimised()
-        if self._record:
-            self._record.result(poses, ledger)
-        del self._search  # the map is built in its memory
+        """Search the last keyframes for loops, select the consistent loops, and build the map.
+
+        After an exception it can be called again: what was done is not repeated.
+        """
+        poses, ledger = self._selected = self._selected or self._select()
         trim_memory()
         world = build_map(*mapped(self._keyframes, poses, self._back_end), self.config.map)
         known = np.array(list(self._back_end.known), int)
         return MappingResult(poses, self._keyframes, ledger, self._back_end.graph(), world, known)
 
+    def _select(self) -> tuple[Array, Ledger]:
+        """Search the last keyframes, select the loops, and write the poses and the decisions; return both."""
+        if self._ended is None:
+            self._ended = self._gathering.submit(lambda: self._search_later(self._gatherer.finish()))
+        while self._scans:
+            _take_first(self._scans)
+        self._ended.result()
+        while self._searches:
+            _take_first(self._searches)
+        if self._settled is None:
+            self._settled = self._searching.submit(self._back_end.settle)
+        self._settled.result()
+        poses, ledger = self._optimised(), self._back_end.ledger()
+        if self._record:
+            self._record.result(poses, ledger)
+        del self._search  # the map is built in its memory
+        return poses, ledger
+
     def _submit(self, task: Callable[..., None], *arguments: Any) -> None:
         """Queue a task of the first thread; wait while too many are queued."""
         self.check()
         while len(self._scans) >= MAX_QUEUED_SCANS:
-            self._scans.popleft().result()
+            _take_first(self._scans)
         self._scans.append(self._gathering.submit(task, *arguments))
 
     def _gather(self, position: int, frame: Frame, recorded: PointCloud, step: OdometryStep) -> None:
@@ -241,3 +257,9 @@ class Mapper:
         self._laps = state["mapper"]["laps"]
         self._completed.extend(state["mapper"]["completed"])  # closed with the next keyframe
         self._count = len(self._keyframes) - len(self._completed)
+
+
+def _take_first(tasks: deque[Future[None]]) -> None:
+    """Wait for the first task and remove it; one that failed stays, so that all later calls raise its exception."""
+    tasks[0].result()
+    tasks.popleft()

@@ -52,10 +52,11 @@ class MappingRecord:
         )
 
     def result(self, poses: Array, ledger: Sequence[LoopRecord]) -> None:
-        """Write the optimised poses (K, 4, 4) of the keyframes and the decisions on all candidates."""
-        for pose in poses:
+        """Write the optimised poses (K, 4, 4) of the keyframes and the decisions on all candidates, once."""
+        written = self.journal.counts()
+        for pose in poses[written[OPTIMISED.name] :]:
             self.journal.append(OPTIMISED, text_of(pose))
-        for record in ledger:
+        for record in ledger[written[DECISION.name] :]:
             self.journal.append(DECISION, float(record.weight), record.status, record.reason)
 
 

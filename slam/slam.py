@@ -89,6 +89,7 @@ class Slam:
         self._progress = Progress(self.result, self._tracker, self._mapper)
         self._record = RunRecord(journal, self._progress) if journal else None
         self._busy = threading.Lock()
+        self._ended = False  # whether the last frame is passed to the mapper
 
     def __enter__(self) -> Self:
         return self
@@ -144,7 +145,7 @@ class Slam:
 
     def _check(self, frame: Frame) -> None:
         """Refuse what cannot be registered, and report the problems of a frame."""
-        if self.result.mapping:
+        if self._ended:
             raise ValueError("the run is finished; create another Slam")
         self._mapper.check()
         if not np.isfinite(frame.stamp):
@@ -184,21 +185,32 @@ class Slam:
         return self.result.poses if self.result.mapping else self._mapper.corrected(self.result.odometry_poses)
 
     def finish(self) -> Run:
-        """Close the last loops, select the consistent loops jointly, and build the map; return the result."""
+        """Close the last loops, select the consistent loops jointly, and build the map; return the result.
+
+        After an exception, as where the memory does not suffice for the map, it can be called again and does what is
+        left. The exception of an earlier frame is raised again; the session, if there is one, can be resumed.
+        """
         with self._alone():
             if self.result.mapping is None:
-                self._pass_to_mapper(self._tracker.settle())
-                if self._record:
-                    self._record.write_frames()
-                self._tracker.release()  # the map is built in its memory
-                self.result.mapping, self.result.milliseconds = self._mapper.finish(), self._mapper.milliseconds
-                self._mapper.close()
+                self._end()
+                mapping = self._mapper.finish()
                 self._report(self._progress.images.rest())
                 centres = self._progress.centres.array()
                 self.result.problems.extend(world_frame_problem(centres, self.result.odometry_poses))
+                self.result.mapping, self.result.milliseconds = mapping, self._mapper.milliseconds
+                self._mapper.close()
                 if self._observer:
                     self._observer.finished(self.result)
             return self.result
+
+    def _end(self) -> None:
+        """Pass the last frames to the mapper, and free the local map; no frame follows."""
+        if not self._ended:
+            self._pass_to_mapper(self._tracker.settle())
+            if self._record:
+                self._record.write_frames()
+            self._tracker.release()  # the map is built in its memory
+            self._ended = True
 
 
 def _record(frame: Frame, tracked: Tracked, milliseconds: dict[str, float]) -> FrameRecord:

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from slam import mapper
 from slam.config import load_config
 from slam.data import se3
 from slam.data.cloud import Array, Frame, PointCloud
@@ -204,6 +205,51 @@ def test_a_run_that_is_resumed_again_and_again_has_the_same_bits(
     assert len(found.map()) > 1000
     odometry = whole.odometry_poses
     assert off(found.poses)[-4:].max() < 0.5 * off(odometry)[-4:].min()
+
+
+def test_finish_can_be_called_again_after_an_exception_while_the_map_is_built(
+    frames: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Equal bits, and no row is written twice."""
+
+    def no_room(*_: object) -> None:
+        raise MemoryError("no room")
+
+    whole = journaled(frames, None, visits=1)
+    with Journal.begin(tmp_path / "s", {}) as journal:
+        config, steps = whole.config, RecordedSteps(Drifting().poses, 0.1, 0.0)
+        with Slam(config, odometry=steps, journal=journal) as it:
+            for frame in frames:
+                it.add(frame)
+            with monkeypatch.context() as scarce:
+                scarce.setattr(mapper, "build_map", no_room)
+                for _ in range(2):
+                    with pytest.raises(MemoryError, match="no room"):
+                        it.finish()
+            with pytest.raises(ValueError, match="finished"):
+                it.add(frames[0])
+            run = it.finish()
+        assert run.mapping is not None
+        assert run.poses.tobytes() == whole.poses.tobytes()
+        assert run.map.xyz.tobytes() == whole.map.xyz.tobytes()
+        counts = journal.counts()
+        assert counts["keyframe"] == counts["optimised"] == len(run.mapping.keyframes)
+        assert counts["loop"] == counts["decision"] == len(run.mapping.ledger)
+
+
+def test_an_exception_of_the_loop_search_is_raised_by_each_call(
+    frames: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise MemoryError("no room")
+
+    with slam() as it:
+        it.add(frames[0])
+        monkeypatch.setattr(it._mapper, "_close", fails)
+        for _ in range(2):
+            with pytest.raises(MemoryError, match="no room"):
+                it.finish()
+        assert it.result.mapping is None
 
 
 def test_a_second_thread_is_refused(frames: list[Frame]) -> None:
