@@ -68,6 +68,7 @@ class Mapper:
         self._ended: Future[None] | None = None  # the completion of the last keyframe
         self._settled: Future[None] | None = None  # the selection of the loops after it
         self._selected: tuple[Array, Ledger] | None = None  # poses and decisions after it
+        self._forgotten: list[int] = []  # keyframes whose clouds are forgotten since the last snapshot
         self._closed = Growing(2)  # keyframes of the loops so far
         self._laps = {"loops": Growing(), "back_end": Growing()}  # ms
         if self.journal and state:
@@ -207,10 +208,18 @@ class Mapper:
                 else:
                     self._back_end.reject(candidate, verification.reason)
             graph += time.perf_counter() - begin
+        self._forget(keyframes)
         self._laps["loops"].append(1e3 * loops)
         self._laps["back_end"].append(1e3 * graph)
         if self.on_loops and len(self._closed) > before:
             self.on_loops(self._progress())
+
+    def _forget(self, keyframes: Keyframes | SomeKeyframes) -> None:
+        """Forget the clouds that neither the search nor the map needs."""
+        for number in self._search.released(keyframes):
+            if number in self._back_end.known:
+                self._keyframes.forget(number)
+                self._forgotten.append(number)
 
     def _optimised(self) -> Array:
         """Poses of the keyframes in the graph (K, 4, 4): the odometry poses until a loop is closed."""
@@ -243,7 +252,8 @@ class Mapper:
             parts, counts = self._snapshots.popleft()
             left = [completed for completed in tuple(self._completed) if completed.count <= counts[KEYFRAME.name]]
             own = freeze({"laps": self._laps, "completed": left})
-            self.journal.snapshot(self.journal.counts() | counts, {**parts, "mapper": own})
+            forgotten, self._forgotten = self._forgotten, []
+            self.journal.snapshot(self.journal.counts() | counts, {**parts, "mapper": own}, forgotten)
             trim_memory()
 
     def _restore(self, journal: Journal, state: Mapping[str, Any]) -> None:
@@ -257,6 +267,7 @@ class Mapper:
         self._laps = state["mapper"]["laps"]
         self._completed.extend(state["mapper"]["completed"])  # closed with the next keyframe
         self._count = len(self._keyframes) - len(self._completed)
+        self._forget(self._keyframes)
 
 
 def _take_first(tasks: deque[Future[None]]) -> None:

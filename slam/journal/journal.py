@@ -7,7 +7,7 @@ import shutil
 import sqlite3
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -23,7 +23,7 @@ SESSION, STATE = "session.sqlite", "state.npz"
 SNAPSHOT_EVERY = 10.0  # s between snapshots: the work that a run which was killed repeats
 COMMIT_EVERY = 0.2  # s between commits after a keyframe, each of which waits for the disk
 MAX_QUEUED = 64  # rows that wait for the disk; a keyframe takes about a megabyte
-Task = tuple[Table, int, Row] | tuple[dict[str, Any], dict[str, Frozen]] | threading.Event
+Task = tuple[Table, int, Row] | tuple[dict[str, Any], dict[str, Frozen], list[int]] | threading.Event
 
 
 class Journal:
@@ -120,18 +120,19 @@ class Journal:
         self._last_snapshot = now
         return True
 
-    def snapshot(self, counts: Mapping[str, int], parts: Mapping[str, Frozen]) -> None:
+    def snapshot(self, counts: Mapping[str, int], parts: Mapping[str, Frozen], forgotten: Sequence[int] = ()) -> None:
         """Write a snapshot after all rows so far.
 
         Args:
             counts: Number of rows by table that belong to it.
             parts: Its parts by name.
+            forgotten: Keyframes whose clouds a run that continues from it does not read; they are emptied.
 
         Raises:
             InputError: An earlier row or snapshot could not be written.
         """
         self.check()
-        self._queue.put((dict(counts), dict(parts)))
+        self._queue.put((dict(counts), dict(parts), list(forgotten)))
 
     def cloud(self, number: int) -> bytes:
         """Return the packed cloud of a keyframe from the session, once it is there.
@@ -226,9 +227,11 @@ class Journal:
             if table is KEYFRAME and time.monotonic() - self._last_commit > COMMIT_EVERY:
                 self._commit()
         else:
-            counts, parts = task
+            counts, parts, forgotten = task
             self._commit()  # the rows that a snapshot counts on are on the disk before it
             write_state(self.path.with_name(STATE), counts, parts)
+            for number in forgotten:  # only now: a run that continues from the snapshot before may read them
+                self.file.forget_cloud(number)
 
     def _commit(self) -> None:
         self.file.commit()

@@ -185,13 +185,30 @@ class SessionFile:
         Raises:
             InputError: The row is damaged.
         """
+        return bytes(self._keyframe(number)[-1])
+
+    def _keyframe(self, number: int) -> tuple[Any, ...]:
+        """The values of the row of a keyframe, checked."""
         try:
             stored = self._database.execute("SELECT * FROM keyframe WHERE number = ?", (number,)).fetchone()
             if stored is None:
                 raise RowError(f"table keyframe: row {number} is missing")
-            return bytes(KEYFRAME.opened(number, stored)[-1])
+            return KEYFRAME.opened(number, stored)
         except (sqlite3.Error, RowError) as error:
             raise InputError(f"{self.path}: damaged ({error}); {REMEDY}") from error
+
+    def forget_cloud(self, number: int) -> None:
+        """Empty the cloud of a keyframe; later rows take its place in the file.
+
+        Raises:
+            InputError: The row is damaged.
+            sqlite3.Error: The file cannot be written.
+        """
+        *values, cloud = self._keyframe(number)
+        if cloud:
+            self._begin()
+            *_, crc = KEYFRAME.sealed(number, (*values, b""))
+            self._database.execute("UPDATE keyframe SET cloud = ?, crc = ? WHERE number = ?", (b"", crc, number))
 
     def _begin(self) -> None:
         if not self._database.in_transaction:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class LoopSearch:
         self.descriptor: Array | None = None
         self._known = KnownPlaces(keyframes or KeyframeSettings())
         self._numbers: list[int] = []  # of the keyframes whose places are stored
-        self._searched = 0
+        self._searched = self._released = 0
         shifts = settings.scan_context.lateral_shifts
         self._own_shift = shifts.index(0.0) if 0.0 in shifts else None  # of the virtual sensors, the sensor itself
         self._places, self._verifier = ScanContext(settings.scan_context), Verifier(settings.verification)
@@ -119,6 +120,26 @@ class LoopSearch:
             self.descriptor = contexts[own] if own is not None else descriptor(cloud, self.settings.scan_context)
         self._keep(self.descriptor, place.travelled)
         return found
+
+    def released(self, keyframes: SomeKeyframes | Keyframes) -> Iterator[int]:
+        """Yield the keyframes, each once, whose clouds no later search reads.
+
+        These are the keyframes at known places that are in no submap of a keyframe that can be found, nor of one that
+        is still to be searched.
+        """
+        settings, stored = self.settings, self._numbers
+        radii = settings.verification.match_submap_radius, settings.verification.query_submap_radius
+        reach = max(*radii, settings.scan_context.submap_length)
+        last = keyframes.place(self._searched - 1).travelled if self._searched else 0.0
+        while self._released < self._searched:
+            number, here = self._released, keyframes.place(self._released).travelled
+            if here + reach >= last:
+                break
+            after = bisect_left(stored, number)
+            near = stored[max(after - 1, 0) : after + 1]
+            if all(abs(keyframes.place(one).travelled - here) > reach for one in near):
+                yield number
+            self._released += 1
 
     def _keep(self, context: Array | None, travelled: float) -> None:
         """Store the place of the next keyframe, unless it is known."""

@@ -177,6 +177,10 @@ class Keyframes(Sequence[Keyframe]):
     def _keep(self, place: Place) -> None:
         self._places.append(np.concatenate([(place.index, place.travelled), place.pose.ravel()]))
 
+    def forget(self, position: int) -> None:
+        """Free the cloud and the view of a keyframe, which are not read again."""
+        self.spill.forget(position)
+
     def begins(self, pose: Array) -> bool:
         """Check whether a scan at this pose (4, 4) T_world_lidar begins a new keyframe."""
         if self._begun is None:

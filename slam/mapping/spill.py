@@ -25,7 +25,7 @@ class Spill:
     def __init__(self, budget: int, stored: Callable[[int], bytes] | None = None, count: int = 0) -> None:
         self._budget, self.in_memory, self.on_disk = budget, 0, 0  # bytes
         self._stored = stored
-        # the block itself, its offset and size in the file, or None: stored elsewhere
+        # the block itself, its offset and size in the file, or None: stored elsewhere, or forgotten
         self._blocks: list[bytes | tuple[int, int] | None] = [None] * count
         self._moved = count  # number of blocks that are not in memory
         self._file: IO[bytes] | None = None
@@ -59,11 +59,17 @@ class Spill:
         assert self._stored is not None
         return self._stored(number)  # without the lock: it may wait for the disk, and keyframes are appended meanwhile
 
+    def forget(self, number: int) -> None:
+        """Free the memory of a block that is not read again; what is in the file stays there."""
+        with self._lock:
+            block, self._blocks[number] = self._blocks[number], None
+            self.in_memory -= len(block) if isinstance(block, bytes) else 0
+
     def _move_oldest(self) -> None:
         block = self._blocks[self._moved]
-        assert isinstance(block, bytes)
-        self._blocks[self._moved] = None if self._stored else self._written(block)
-        self.in_memory -= len(block)
+        if isinstance(block, bytes):
+            self._blocks[self._moved] = None if self._stored else self._written(block)
+            self.in_memory -= len(block)
         self._moved += 1
 
     def _written(self, block: bytes) -> tuple[int, int]:

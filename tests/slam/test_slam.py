@@ -18,6 +18,7 @@ from slam.data.cloud import Array, Frame, PointCloud
 from slam.data.errors import InputError
 from slam.journal import journal as journals
 from slam.journal.journal import Journal
+from slam.journal.session_file import SessionFile
 from slam.odometry import OdometryStep
 from slam.recorded_odometry import RecordedSteps
 from slam.records import STAGES
@@ -160,14 +161,22 @@ def test_a_stamp_that_is_not_finite_is_an_error(frames: list[Frame], stamp: floa
         it.add(replace(frames[0], stamp=stamp))
 
 
-def journaled(frames: list[Frame], journal: Journal | None, stop: int | None = None, visits: int = 2) -> Run:
-    """The run over the frames, with a journal; `stop` leaves at that frame, places are known after `visits`."""
-    overrides = ["loops.scan_context.min_travelled_distance=60", "keyframes.memory_mb=0.1"]
-    config = load_config(None, [*overrides, f"keyframes.max_visits={visits}"])
-    steps = RecordedSteps(Drifting().poses, 0.1, 0.0)
-    with Slam(config, odometry=steps, journal=journal) as it:
+def journaled(
+    frames: list[Frame], journal: Journal | None, stop: int | None = None, visits: int = 2, wait: bool = False
+) -> Run:
+    """The run over the frames, with a journal; `stop` leaves at that frame, places are known after `visits`.
+
+    The submaps are short, so that the second round leaves those of the first one. `wait` searches all loops of a frame
+    before the next one.
+    """
+    reach = ("loops.verification.match_submap_radius=2.5", "loops.verification.query_submap_radius=2.5")
+    search = ("loops.scan_context.min_travelled_distance=60", "loops.scan_context.submap_length=2")
+    config = load_config(None, ["keyframes.memory_mb=0.1", f"keyframes.max_visits={visits}", *reach, *search])
+    with Slam(config, odometry=RecordedSteps(Drifting().poses, 0.1, 0.0), journal=journal) as it:
         for frame in frames[len(it.result.records) : stop]:
             it.add(frame)
+            if wait:
+                it.trajectory()
         if stop is not None:
             raise KeyboardInterrupt
         return it.finish()
@@ -205,6 +214,27 @@ def test_a_run_that_is_resumed_again_and_again_has_the_same_bits(
     assert len(found.map()) > 1000
     odometry = whole.odometry_poses
     assert off(found.poses)[-4:].max() < 0.5 * off(odometry)[-4:].min()
+
+
+def test_clouds_at_known_places_are_emptied_when_nothing_reads_them_again(
+    frames: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Equal bits: two runs of the same code."""
+    monkeypatch.setattr(journals, "SNAPSHOT_EVERY", 0.0)
+    whole = journaled(frames, None, visits=1)
+    about = {"settings": whole.config.model_dump(mode="json"), "input": {"T_camera0_lidar": None}}
+    with Journal.begin(tmp_path / "s", about) as journal, suppress(KeyboardInterrupt):
+        journaled(frames, journal, FRAMES, visits=1, wait=True)
+    with SessionFile.open(tmp_path / "s" / "session.sqlite") as file:
+        emptied = {number for number in range(journal.counts()["keyframe"]) if file.cloud(number) == b""}
+    assert whole.mapping is not None
+    assert emptied
+    assert emptied < set(whole.mapping.known.tolist())
+    assert len(recovered(tmp_path / "s" / "session.sqlite").map()) > 1000
+    with Journal.resume(tmp_path / "s") as journal:
+        resumed = journaled(frames, journal, visits=1)
+    assert resumed.poses.tobytes() == whole.poses.tobytes()
+    assert resumed.map.xyz.tobytes() == whole.map.xyz.tobytes()
 
 
 def test_finish_can_be_called_again_after_an_exception_while_the_map_is_built(

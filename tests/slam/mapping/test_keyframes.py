@@ -148,6 +148,23 @@ def test_the_oldest_keyframes_are_moved_to_disk_beyond_the_budget() -> None:
     assert held.on_disk > 0
 
 
+@pytest.mark.parametrize("memory_mb", [0.1, 1000.0])
+def test_a_forgotten_keyframe_takes_no_memory_and_the_others_stay(memory_mb: float) -> None:
+    keyframes = Keyframes(KeyframeSettings(memory_mb=memory_mb))
+    given = []
+    for frame in range(6):
+        given.append(keyframes.add(random_cloud(frame), at(3.0 * frame), frame, 3.0 * frame))
+        if frame >= 2:
+            before = keyframes.spill.in_memory
+            keyframes.forget(frame - 1)
+            assert keyframes.spill.in_memory < before
+    assert keyframes.spill.on_disk == 0
+    assert [place.index for place in map(keyframes.place, range(5))] == list(range(5))
+    first = given[1]
+    assert first is not None
+    assert same(first, keyframes[0])
+
+
 def test_a_point_takes_seven_bytes_and_three_more_with_colour() -> None:
     """Beside the range image of its scan: one row here."""
     grid = [(x, y, 0.0) for x in np.arange(5, 15, 0.25) for y in np.arange(5, 15, 0.25)]
