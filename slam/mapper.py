@@ -219,7 +219,8 @@ class Mapper:
         for number in self._search.released(keyframes):
             if number in self._back_end.known:
                 self._keyframes.forget(number)
-                self._forgotten.append(number)
+                if self.journal:
+                    self._forgotten.append(number)
 
     def _optimised(self) -> Array:
         """Poses of the keyframes in the graph (K, 4, 4): the odometry poses until a loop is closed."""

@@ -125,19 +125,21 @@ class LoopSearch:
         """Yield the keyframes, each once, whose clouds no later search reads.
 
         These are the keyframes at known places that are in no submap of a keyframe that can be found, nor of one that
-        is still to be searched.
+        is still to be searched, nor the next one to such a submap, which is read too.
         """
         settings, stored = self.settings, self._numbers
         radii = settings.verification.match_submap_radius, settings.verification.query_submap_radius
         reach = max(*radii, settings.scan_context.submap_length)
         last = keyframes.place(self._searched - 1).travelled if self._searched else 0.0
-        while self._released < self._searched:
-            number, here = self._released, keyframes.place(self._released).travelled
-            if here + reach >= last:
+        while self._released + 1 < self._searched:
+            number = self._released
+            before, after = (keyframes.place(max(number + step, 0)).travelled for step in (-1, 1))
+            if after + reach >= last:
                 break
-            after = bisect_left(stored, number)
-            near = stored[max(after - 1, 0) : after + 1]
-            if all(abs(keyframes.place(one).travelled - here) > reach for one in near):
+            k = bisect_left(stored, number)
+            gaps = [before - keyframes.place(one).travelled for one in stored[max(k - 1, 0) : k]]
+            gaps += [keyframes.place(one).travelled - after for one in stored[k : k + 1]]
+            if all(gap > reach for gap in gaps):
                 yield number
             self._released += 1
 
