@@ -31,8 +31,10 @@ EVICTION_DISTANCE = 5.0  # m between two evictions of distant cells
 MAX_FAILURES = 5  # in a row, after which the map is restarted at the predicted pose
 SEARCH_STEP = 0.5  # m, below the convergence radius of a coarse cell
 SEARCH_YAWS = np.deg2rad([4, -4, 8, -8, 12, -12, 16, -16])  # a sharp corner in one frame
-MAX_TRANSLATIONS, MAX_YAWS = 12, 3  # initial guesses of a search that are registered, those with the best score
-MAX_HYPOTHESES = 5  # of the first motion
+MAX_TRANSLATIONS, MAX_YAWS = 12, 3  # initial guesses of a search that are followed, those with the best score
+SEARCH_POINTS = 1_000  # of a scan, all over it, about: enough to compare and follow the guesses of a search
+MIN_RELATIVE_SCORE = 0.5  # of a pose to which a guess led, to the best one; below it is not registered
+MAX_HYPOTHESES = 5  # of the first motion; also poses of a search that are registered
 MAX_INITIAL_SPEED = 45.0  # m/s, of the first motion: a row of posts fits at any multiple of their spacing
 DISTINCT = 0.4  # distance between two different motions, relative to the finest cells
 MIN_OVERLAP_RATIO, OVERLAP_WINDOW = 0.8, 10  # of a plausible registration, to the running mean; scans in the mean
@@ -189,8 +191,8 @@ class Track:
         points = prepared.points
         if self.target is None or len(points[0]) < MIN_POINTS:
             return []
+        candidates = self._candidate_registrations(self.target, points, [self._pose])
         score = self.target.scorer(*points, self._pose)
-        candidates = self._candidate_registrations(self.target, points, [self._pose], score)
         distinct = self._distinct_motions(candidates, prepared.sample, score, stamp)
         if distinct and len(self.target.unobserved(*points, distinct[0].pose, ALL_OBSERVED)) > 1:
             return []  # over a bare plane, every motion fits
@@ -338,14 +340,20 @@ class Track:
         self, target: Target, points: Points, centres: list[Array], *found: RegistrationResult
     ) -> RegistrationResult:
         """The best of the registrations `found` so far and of those from initial guesses around `centres`."""
+        candidates = self._candidate_registrations(target, points, centres)
         score = target.scorer(*points, centres[0])
-        candidates = self._candidate_registrations(target, points, centres, score)
         return max((*found, *candidates), key=lambda result: score(result.pose))
 
     def _candidate_registrations(
-        self, target: Target, points: Points, centres: list[Array], score: Callable[[Array], float]
+        self, target: Target, points: Points, centres: list[Array]
     ) -> list[RegistrationResult]:
-        """Registrations from `centres` and from the initial guesses with the best scores around them."""
+        """Registrations from `centres` and from the initial guesses with the best scores around them.
+
+        A dense scan is registered from the distinct poses only to which some of its points lead.
+        """
+        step = max(1, len(points[0]) // SEARCH_POINTS)
+        xyz, weight = (np.ascontiguousarray(values[::step]) for values in points)
+        score = target.scorer(xyz, weight, centres[0])
         translations, yaws = [], []
         for centre in centres:
             for radius in np.arange(0.0, self.settings.search_radius + 1e-9, SEARCH_STEP):
@@ -357,7 +365,12 @@ class Track:
         translations.sort(key=score, reverse=True)
         best = _non_maximum_suppression(translations, target.convergence_radius)[:MAX_TRANSLATIONS]
         best += sorted(yaws, key=score, reverse=True)[:MAX_YAWS]
-        return [target.align(*points, pose) for pose in (*centres, *best)]
+        found = {score(each.pose): each for each in (target.align(xyz, weight, pose) for pose in (*centres, *best))}
+        if step == 1:
+            return list(found.values())
+        likely = [found[key].pose for key in sorted(found, reverse=True) if key >= MIN_RELATIVE_SCORE * max(found)]
+        distinct = _non_maximum_suppression(likely, DISTINCT * target.convergence_radius)[:MAX_HYPOTHESES]
+        return [target.align(*points, pose) for pose in distinct]
 
     def _is_plausible(self, prediction: Array, found: RegistrationResult) -> bool:
         """Whether a registration converged near the prediction with about the overlap of the last scans.

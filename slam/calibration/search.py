@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
-from scipy.optimize import minimize
 
 from slam.calibration.observations import Observations, Parameters, View
 from slam.data.cloud import Array
@@ -84,6 +83,8 @@ def fit(views: Sequence[View], K: Array, near: Parameters, start: Parameters, fr
 
 def maximised(observed: Observations, start: Parameters, free: Sequence[int]) -> Parameters:
     """Return the parameters of the highest score; only the `free` ones change."""
+    from scipy.optimize import minimize  # slow to import, and the check after a run does not need it
+
     chosen = list(free)
 
     def changed(y: Array) -> Parameters:
