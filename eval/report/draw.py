@@ -24,7 +24,7 @@ TITLE, LEGEND_ROW = 0.35, 0.2  # inches above the panels
 NUMBER, TICKS = 0.5, 2.0  # inches for numbers, and at most for names, on the y axis
 SAMPLE = 0.6  # inches of a line of the legend, with spaces
 COLUMNS = 4  # of a legend, at most
-DPI = 150
+DPI, SVG_DPI = 150, 110  # the second of images within an SVG: that of the page's pictures
 BAR_GROUP = 0.8  # of the distance between two categories
 
 
@@ -41,7 +41,7 @@ def save(figure: Figure, folder: Path, key: str) -> None:
         rc_context({"svg.fonttype": "none", "svg.hashsalt": key}),
         written_beside(folder / f"{key}.svg") as temporary,
     ):
-        figure.savefig(temporary, dpi=DPI, metadata={"Date": None})
+        figure.savefig(temporary, dpi=SVG_DPI, metadata={"Date": None})
 
 
 def drawn(chart: Chart) -> Figure:

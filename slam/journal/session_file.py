@@ -17,6 +17,7 @@ FORMAT = 1
 APPLICATION = 0x4C4C5353  # in the file's header, 'LLSS': lidarlift's SLAM session
 ABOUT = "CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT)"
 SCHEMA = {"about": ABOUT, **{name: table.schema for name, table in TABLES.items()}}
+PAGE = 1 << 14  # bytes of a page: with larger ones than SQLite's 4096, clouds are written in half of the time
 MAX_VALUE = 1 << 28  # bytes of a value; the cloud of a keyframe takes about one million
 REMEDY = "choose another session, or run again without --resume"
 
@@ -41,6 +42,7 @@ class SessionFile:
             path.open("xb").close()  # not through a link, and nobody else's file
             file = cls(path, _connected(path, "rw"))
             execute = file._database.execute
+            execute(f"PRAGMA page_size = {PAGE}")
             execute(f"PRAGMA application_id = {APPLICATION}")
             execute(f"PRAGMA user_version = {FORMAT}")
             file._prepare_writing()
