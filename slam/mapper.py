@@ -31,6 +31,7 @@ from slam.segments import segment_starts
 from slam.settings import Config
 
 MAX_QUEUED_SCANS = 6  # the odometry blocks when gathering is this many scans behind: bounds the memory
+MAX_QUEUED_KEYFRAMES = 50  # the same of the search, at 100 m of path: files are read as fast as scans are registered
 
 
 @dataclass
@@ -39,8 +40,8 @@ class Mapper:
 
     One thread gathers the scans into keyframes, in order; a second one searches the loops of the complete keyframes, in
     order. Each step of it sees only the keyframes up to the one that caused it, so the result does not depend on
-    timing, and the odometry waits for the first thread only. The loops of a keyframe are searched as soon as all
-    keyframes of its submap exist.
+    timing. The odometry waits for the first thread, and for the second one only where it is far behind. The loops of a
+    keyframe are searched as soon as all keyframes of its submap exist.
 
     Attributes:
         config: The settings.
@@ -95,7 +96,7 @@ class Mapper:
         return {name: laps.array() for name, laps in (("map", self._gatherer.milliseconds), *self._laps.items())}
 
     def add(self, position: int, frame: Frame, recorded: PointCloud, step: OdometryStep) -> None:
-        """Queue a scan; block if `MAX_QUEUED_SCANS` are waiting. Exceptions of earlier scans are raised here.
+        """Queue a scan; block if too many scans or keyframes are waiting. Exceptions of earlier scans are raised here.
 
         Args:
             position: Position of the frame in the run.
@@ -160,6 +161,8 @@ class Mapper:
         self.check()
         while len(self._scans) >= MAX_QUEUED_SCANS:
             _take_first(self._scans)
+        while len(self._searches) >= MAX_QUEUED_KEYFRAMES:
+            _take_first(self._searches)
         self._scans.append(self._gathering.submit(task, *arguments))
 
     def _gather(self, position: int, frame: Frame, recorded: PointCloud, step: OdometryStep) -> None:
@@ -171,8 +174,8 @@ class Mapper:
         self._searches.append(self._searching.submit(self._close_completed))
 
     def _close_completed(self) -> None:
-        """In the second thread: add all complete keyframes to the graph, and search their loops."""
-        while self._completed:
+        """In the second thread: add the keyframes that are complete now to the graph, and search their loops."""
+        for _ in range(len(self._completed)):  # later ones have tasks of their own, which wait in memory
             self._write_snapshots()  # those from before this keyframe was complete: it must not be in the graph yet
             self._close(self._completed.popleft())
 

@@ -23,7 +23,7 @@ class MappingResult:
 
     Attributes:
         poses: (K, 4, 4) T_world_keyframe, optimised.
-        keyframes: The keyframes, with odometry poses and clouds.
+        keyframes: The keyframes, with odometry poses; those of the map, at least, have their clouds.
         ledger: Records of all loop candidates.
         graph: Optimised poses, odometry edges and accepted loop edges.
         map: Map from the optimised poses, without moving objects.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import mmap
+from math import prod
+
 import numpy as np
 
 from slam.data.cloud import Array
@@ -13,7 +16,8 @@ class Growing:
     """An array that grows row by row, in blocks that are never moved. Any thread can read it at any time.
 
     Thousands of small objects that live as long as the run would be scattered over the heap, between the large arrays
-    of single scans; the gaps between them fit ever fewer of these, and the process grows by more than the objects.
+    of single scans; the gaps between them fit ever fewer of these, and the process grows by more than the objects. For
+    the same reason the blocks are not on the heap, but pages of their own.
 
     Args:
         shape: Shape of a row; () for single numbers.
@@ -30,7 +34,9 @@ class Growing:
     def append(self, row: Array | float) -> None:
         """Append a row."""
         if self._count == BLOCK * len(self._blocks):
-            self._blocks.append(np.empty((BLOCK, *self.shape)))
+            private = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS  # not shared with processes that are forked
+            pages = mmap.mmap(-1, 8 * BLOCK * prod(self.shape), flags=private)
+            self._blocks.append(np.frombuffer(pages).reshape(BLOCK, *self.shape))
         self._blocks[-1][self._count % BLOCK] = row
         self._count += 1  # the row is complete
 

@@ -47,7 +47,11 @@ class Spill:
                 self._move_oldest()
 
     def read(self, number: int) -> bytes:
-        """Return a block by its number, from 0."""
+        """Return a block by its number, from 0.
+
+        Raises:
+            LookupError: It was forgotten.
+        """
         with self._lock:
             block = self._blocks[number]
             if isinstance(block, bytes):
@@ -56,7 +60,8 @@ class Spill:
                 assert self._file is not None
                 self._file.seek(block[0])
                 return self._file.read(block[1])
-        assert self._stored is not None
+        if self._stored is None:
+            raise LookupError(f"block {number} was forgotten")
         return self._stored(number)  # without the lock: it may wait for the disk, and keyframes are appended meanwhile
 
     def forget(self, number: int) -> None:

@@ -160,6 +160,8 @@ def test_a_forgotten_keyframe_takes_no_memory_and_the_others_stay(memory_mb: flo
             assert keyframes.spill.in_memory < before
     assert keyframes.spill.on_disk == 0
     assert [place.index for place in map(keyframes.place, range(5))] == list(range(5))
+    with pytest.raises(LookupError, match="forgotten"):
+        keyframes.spill.read(1)
     first = given[1]
     assert first is not None
     assert same(first, keyframes[0])
