@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -531,9 +532,12 @@ def _distance(pose: Array, other: Array) -> float:
 def _non_maximum_suppression(poses: list[Array], distance: float) -> list[Array]:
     """The poses, in order of their scores, that are at least `distance` [m] from all better ones."""
     kept: list[Array] = []
+    places: list[list[float]] = []
     for pose in poses:
-        if all(_distance(other, pose) >= distance for other in kept):
+        place = pose[:3, 3].tolist()
+        if all(math.dist(other, place) >= distance for other in places):
             kept.append(pose)
+            places.append(place)
     return kept
 
 

@@ -20,8 +20,8 @@ BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE, BLACK = OKABE_ITO = (
 )  # fmt: skip
 #: Colours of text, of grid lines and of background curves such as ground truth.
 INK, GRID, GREY = "#222222", "#E8E8E8", "#B8B8B8"
-#: Of PNG files: the same pixels in half of the time, and files a tenth larger.
-QUICK = {"compress_level": 2}
+#: Of PNG files: runs of equal bytes alone (3: zlib's Z_RLE): the same pixels in half of the time, in files as large.
+QUICK = {"compress_level": 1, "compress_type": 3}
 #: Distance [inches] of the titles of x axes from the axes, of y axes from the left border, if the margins are fixed.
 X_TITLE, Y_TITLE = 0.27, 0.27
 #: Mean width of a letter, of the size of the text.

@@ -201,11 +201,11 @@ class ScanContext:
         best = distances.argmin(axis=0)
         each = np.arange(len(rows))
         distances, yaws = distances[best, each], _yaw(shifts[best, each], self.settings.sectors)
-        return [
-            Candidate(int(rows[k]), float(distances[k]), float(yaws[k]), self.settings.lateral_shifts[best[k]])
-            for k in np.lexsort((rows, distances))
-            if distances[k] < 1.0
-        ]
+        order = np.lexsort((rows, distances))
+        order = order[distances[order] < 1.0]
+        lateral = np.array(self.settings.lateral_shifts, float)[best]
+        columns = (values[order].tolist() for values in (rows, distances, yaws, lateral))
+        return [Candidate(*each) for each in zip(*columns, strict=True)]
 
     def restore(self, contexts: Array, travelled: Array) -> None:
         """Insert the places of an earlier session: descriptors (K, rings, sectors), travelled distances (K,) [m]."""
