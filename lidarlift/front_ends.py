@@ -102,13 +102,13 @@ def with_runnable_enricher(settings: Config) -> Config:
     Raises:
         InputError: As `Registry.load`, for the name of the enricher.
     """
-    from enrichment.methods.registry import METHODS, runnable
+    from enrichment.methods.registry import METHODS, can_run
 
     name = settings.front_end.enricher
     if settings.front_end.input != "enriched":
         return settings
     METHODS.load(name)  # a wrong name or a broken package is reported before any work begins
-    if name in runnable():
+    if can_run(name):
         return settings
     log.warning("%s: the weights are not installed; %s is used instead", name, TRAINING_FREE)
     return _with_front_end(settings, enricher=TRAINING_FREE)

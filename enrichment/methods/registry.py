@@ -42,11 +42,18 @@ METHODS: Registry[Method] = Registry(
 )
 
 
-def runnable() -> list[str]:
-    """Return the names of the methods that can run: networks need their weights."""
-    from enrichment.methods.onnx_network import has_weights
+def can_run(name: str) -> bool:
+    """Check whether a method can run: networks need their weights."""
+    if name not in (*NETWORK_METHODS, LIFT):
+        return True
+    from enrichment.methods.onnx_network import has_weights  # slow to import
 
-    return [name for name in METHODS.names() if name not in (*NETWORK_METHODS, LIFT) or has_weights(name)]
+    return has_weights(name)
+
+
+def runnable() -> list[str]:
+    """Return the names of the methods that can run."""
+    return [name for name in METHODS.names() if can_run(name)]
 
 
 def make_methods(names: Collection[str]) -> dict[str, Method]:

@@ -63,7 +63,11 @@ class PointCloud:
 
     def select(self, index: Array | slice) -> PointCloud:
         """Return the points of a mask (N,), an index array or a slice, with all their fields."""
-        return self._map(lambda values: values[index])
+        if isinstance(index, slice):
+            return self._map(lambda values: values[index])
+        index = np.asarray(index)
+        places = np.flatnonzero(index) if index.dtype == bool else index  # several times faster than a mask per field
+        return self._map(lambda values: values.take(places, axis=0))
 
     def with_xyz(self, xyz: Array) -> PointCloud:
         """Return the cloud with other coordinates (N, 3) [m]."""
