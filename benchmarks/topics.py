@@ -147,6 +147,7 @@ TOPICS = (
     Topic("loops.kiss_slam", ("{trajectories}",), 120, (".peers/kiss-slam/bin/python",)),
     Topic("mapping.replayed", (*BOTH, "{kitti_raw_0013}", "{loop}"), 30),
     Topic("loops.long_run", ("{loop}", "--frames", "20000"), 20, pictures=_picture("long_run")),
+    Topic("loops.visits", ("{loop}", "--frames", "4000"), 10),
     Topic("faults.faults", ("{town_vlp16}",), 30),
     Topic("faults.session_cost", ("{town_vlp16}",), 3),
     Topic("mapping.moving_objects", ("{loop}", "{kitti_raw_0013}", "{kitti_raw_0005}"), 20),

@@ -100,8 +100,8 @@ class KeyframeSettings(Settings):
     min_range: float = Field(2.5, ge=0)  # m; nearer points are the vehicle itself
     max_range: float = Field(80.0, gt=0, le=90)  # m; as far as scan context describes
     max_sigma: float = Field(0.2, gt=0)  # m; predicted points with a larger sigma would blur the map
-    # of a place in one direction that are mapped; keyframes of later ones only get poses, so memory and time hardly
-    # grow where one drives again and again. None: all. In a trial of 3,000 frames poses were less accurate with 2
+    # of a place in one direction that are mapped; keyframes of later ones only get poses, so memory and time stay
+    # flat where one drives again and again. None: all. Fewer and all are compared in benchmarks/results/visits.md
     max_visits: int | None = Field(3, ge=1)
     memory_mb: float = Field(150.0, ge=0)  # for clouds: about 130 keyframes at 64 channels; older ones go to disk
 
