@@ -35,6 +35,7 @@ SEARCH_YAWS = np.deg2rad([4, -4, 8, -8, 12, -12, 16, -16])  # a sharp corner in 
 MAX_TRANSLATIONS, MAX_YAWS = 12, 3  # initial guesses of a search that are followed, those with the best score
 SEARCH_POINTS = 1_000  # of a scan, all over it, about: enough to compare and follow the guesses of a search
 MIN_RELATIVE_SCORE = 0.5  # of a pose to which a guess led, to the best one; below it is not registered
+CLEARLY_MORE = 1.1  # evidence of a search's registration, relative to that of a sound one from the prediction
 MAX_HYPOTHESES = 5  # of the first motion; also poses of a search that are registered
 MAX_INITIAL_SPEED = 45.0  # m/s, of the first motion: a row of posts fits at any multiple of their spacing
 DISTINCT = 0.4  # distance between two different motions, relative to the finest cells
@@ -340,10 +341,18 @@ class Track:
     def _search(
         self, target: Target, points: Points, centres: list[Array], *found: RegistrationResult
     ) -> RegistrationResult:
-        """The best of the registrations `found` so far and of those from initial guesses around `centres`."""
+        """The best registration from initial guesses around `centres`, or that `found` so far.
+
+        A sound registration is kept unless another has clearly more evidence: where a scan sees less of the map, as in
+        the door to a room, few points decide between poses that differ by a little.
+        """
         candidates = self._candidate_registrations(target, points, centres)
         score = target.scorer(*points, centres[0])
-        return max((*found, *candidates), key=lambda result: score(result.pose))
+        best = max((*found, *candidates), key=lambda result: score(result.pose))
+        for sound in (one for one in found if one.converged and self._is_valid(one, ALL_OBSERVED)):
+            if score(best.pose) < CLEARLY_MORE * score(sound.pose):
+                return sound
+        return best
 
     def _candidate_registrations(
         self, target: Target, points: Points, centres: list[Array]

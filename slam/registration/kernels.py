@@ -18,6 +18,7 @@ NO_KEY = np.int64(-1)  # of no cell
 PASSES = 8  # of `reaches_overlap` over a scan
 _BITS = 21  # of a cell index along one axis: +-1,048,576 cells, 1000 km of 1 m cells
 _MASK = (1 << _BITS) - 1
+_ABOVE = 1 << (_BITS - 1)  # bit of a key, of points above the sensor; indices along z have one bit less
 
 # Columns of a cell's running sums: weight, weighted sums of the offsets d from the centre of the cell (3) and of d d^T
 # (xx xy xz yy yz zz), number of points.
@@ -39,20 +40,31 @@ TILT_GATE = 9.0  # factor on the variance of the tilt, three sigma: below it a s
 def _key(x, y, z, inverse_size):
     i = np.int64(math.floor(x * inverse_size)) & _MASK
     j = np.int64(math.floor(y * inverse_size)) & _MASK
-    k = np.int64(math.floor(z * inverse_size)) & _MASK
+    k = np.int64(math.floor(z * inverse_size)) & (_MASK >> 1)
     return (i << (2 * _BITS)) | (j << _BITS) | k
 
 
 @njit(forceinline=True)
-def _index(bits):
-    """The signed cell index along an axis, of which a key has the lowest bits."""
-    return ((bits & _MASK) ^ (1 << (_BITS - 1))) - (1 << (_BITS - 1))
+def _sided(key, z, top):
+    """The key for a point at a height `z`: those above `top`, the lowest a ceiling may be, have cells of their own.
+
+    Otherwise a floor would be matched to the ceiling beneath it, which is 0.2 m away and in the same cell.
+    """
+    return key | _ABOVE if z > top else key
+
+
+@njit(forceinline=True)
+def _index(bits, count):
+    """The signed cell index along an axis, given by the lowest `count` of the bits."""
+    sign = np.int64(1) << (count - 1)
+    return ((bits & (2 * sign - 1)) ^ sign) - sign
 
 
 @njit(forceinline=True)
 def _centre(key, size):
     """Centre of the cell with `key`."""
-    return (_index(key >> (2 * _BITS)) + 0.5) * size, (_index(key >> _BITS) + 0.5) * size, (_index(key) + 0.5) * size
+    i, j, k = _index(key >> (2 * _BITS), _BITS), _index(key >> _BITS, _BITS), _index(key, _BITS - 1)
+    return (i + 0.5) * size, (j + 0.5) * size, (k + 0.5) * size
 
 
 @njit(forceinline=True)
@@ -76,6 +88,30 @@ def _find(table, keys, key):
 def _lookup(table, keys, key):
     """Row of the cell with `key`; -1 if there is none."""
     return np.int64(table[_find(table, keys, key)])
+
+
+@njit(forceinline=True)
+def _met(table, keys, gaussians, key, z, top):
+    """Row of the Gaussian that a point at a height `z` meets in the cell with `key`; -1 if there is none.
+
+    Points on the other side of `top`, the lowest a ceiling may be, show the same walls, but other floors and ceilings.
+    """
+    sided = _sided(key, z, top)
+    cell = _lookup(table, keys, sided)
+    if cell >= 0 and _has_information(gaussians[cell]):
+        return cell
+    if top == math.inf:
+        return np.int64(-1)
+    cell = _lookup(table, keys, sided ^ _ABOVE)
+    if cell >= 0 and _has_information(gaussians[cell]) and not _is_level(gaussians[cell]):
+        return cell
+    return np.int64(-1)
+
+
+@njit(forceinline=True)
+def _is_level(S):
+    """Whether a Gaussian constrains mostly the height."""
+    return S[8] > 0.5 * (S[3] + S[6] + S[8])
 
 
 @njit(forceinline=True)
@@ -330,7 +366,20 @@ def _add_cell(key, slot, cell, table, sums, gaussians, cell_keys):
 
 @njit(cache=True, nogil=True)
 def insert(
-    xyz, weight, pose, size, min_points, max_points, regularisation, surfaces, table, sums, gaussians, cell_keys, count
+    xyz,
+    weight,
+    pose,
+    size,
+    ceiling,
+    min_points,
+    max_points,
+    regularisation,
+    surfaces,
+    table,
+    sums,
+    gaussians,
+    cell_keys,
+    count,
 ):
     """Add points to the cells' running sums, and update the Gaussians of these cells.
 
@@ -343,6 +392,7 @@ def insert(
         weight: Their weights (N,).
         pose: Pose (4, 4) by which the points are transformed.
         size: Size of the cells [m].
+        ceiling: As in `VoxelGaussians`.
         min_points: As in `VoxelGaussians`.
         max_points: As in `VoxelGaussians`.
         regularisation: As in `VoxelGaussians`.
@@ -358,11 +408,13 @@ def insert(
     """
     A = np.empty((3, 3))
     inverse_size = 1.0 / size
+    top = pose[2, 3] + ceiling
     cells = np.empty(len(xyz), np.int64)
     last_key, cell = NO_KEY, np.int64(0)
     for i in range(len(xyz)):  # a loop of its own, as in `_cells_of`
         x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
-        key = _key(x + pose[0, 3], y + pose[1, 3], z + pose[2, 3], inverse_size)
+        x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
+        key = _sided(_key(x, y, z, inverse_size), z, top)
         if key != last_key:
             last_key = key
             slot = _find(table, cell_keys, key)
@@ -478,13 +530,14 @@ def _add_point(H, g, u, S, qx, qy, qz, fx, fy, fz):
 
 
 @njit(forceinline=True)
-def _cells_of(xyz, pose, size, neighbours, table, cell_keys):
+def _cells_of(xyz, pose, size, ceiling, neighbours, table, cell_keys, gaussians):
     """Rows (N, neighbours) of the cells of points, -1 where there is none.
 
     In a loop of its own, many of the lookups, which miss the cache, are under way at once.
     """
     cells = np.empty((len(xyz), neighbours), np.int64)
     inverse_size = 1.0 / size
+    top = pose[2, 3] + ceiling
     for i in range(len(xyz)):
         x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
         x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
@@ -497,12 +550,12 @@ def _cells_of(xyz, pose, size, neighbours, table, cell_keys):
                 z + (step if axis == 3 else 0.0),
                 inverse_size,
             )
-            cells[i, n] = _lookup(table, cell_keys, key)
+            cells[i, n] = _met(table, cell_keys, gaussians, key, z, top)
     return cells
 
 
 @njit(cache=True, nogil=True)
-def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, cell_keys, gaussians, scores, scored):
+def normal_equations(xyz, weight, pose, size, ceiling, neighbours, kernel, table, cell_keys, gaussians, scores, scored):
     """Linearise NDT: sum over points of w rho'(m) J^T S^-1 [J | r], with m = r^T S^-1 r and r = T x - mean.
 
     The perturbation is a rotation about the sensor and a translation of the sensor, both in the axes of the map:
@@ -513,6 +566,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, cell_ke
         weight: Their weights (N,).
         pose: Pose (4, 4) of the points in the map.
         size: Size of the cells [m].
+        ceiling: As in `VoxelGaussians`.
         neighbours: 1, the point's own cell, or 7, with the six face neighbours.
         kernel: Scale of the robust weight.
         table: Hash table of the cells.
@@ -526,7 +580,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, cell_ke
         m below the 95 % quantile of chi^2(3); the paper's eq. 5 (weights x exp(-m / 2), best cell), if it is computed;
         weights of the points in a cell with a Gaussian; all weights.
     """
-    cells = _cells_of(xyz, pose, size, neighbours, table, cell_keys)
+    cells = _cells_of(xyz, pose, size, ceiling, neighbours, table, cell_keys, gaussians)
     H = np.zeros((6, 6))
     g = np.zeros(6)
     totals = np.zeros(6)
@@ -539,7 +593,7 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, cell_ke
         totals[5] += w
         for n in range(neighbours):
             cell = cells[i, n]
-            if cell < 0 or not _has_information(gaussians[cell]):
+            if cell < 0:
                 continue
             S = gaussians[cell]
             rx, ry, rz = x - S[0], y - S[1], z - S[2]
@@ -573,13 +627,14 @@ def normal_equations(xyz, weight, pose, size, neighbours, kernel, table, cell_ke
 
 
 @njit(cache=True, nogil=True)
-def fits(xyz, poses, size, table, cell_keys, gaussians):
+def fits(xyz, poses, size, ceiling, table, cell_keys, gaussians):
     """Compute how well points fit the Gaussians of their cells at each of several poses.
 
     Args:
         xyz: Points (N, 3).
         poses: Poses (P, 4, 4) of the points in the map.
         size: Size of the cells [m].
+        ceiling: As in `VoxelGaussians`.
         table: Hash table of the cells.
         cell_keys: Keys of the cells.
         gaussians: Gaussians of the cells.
@@ -592,16 +647,15 @@ def fits(xyz, poses, size, table, cell_keys, gaussians):
     inverse_size = 1.0 / size
     for p in range(len(poses)):
         pose = poses[p]
+        top = pose[2, 3] + ceiling
         score, inliers = 0.0, 0
         for i in range(len(xyz)):
             x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
             x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
-            cell = _lookup(table, cell_keys, _key(x, y, z, inverse_size))
+            cell = _met(table, cell_keys, gaussians, _key(x, y, z, inverse_size), z, top)
             if cell < 0:
                 continue
             S = gaussians[cell]
-            if not _has_information(S):
-                continue
             m = _mahalanobis(S, x, y, z)
             if m < NEGLIGIBLE:
                 score += math.exp(-0.5 * m)
@@ -611,7 +665,7 @@ def fits(xyz, poses, size, table, cell_keys, gaussians):
 
 
 @njit(cache=True, nogil=True)
-def overlap(xyz, weight, pose, size, table, cell_keys, gaussians):
+def overlap(xyz, weight, pose, size, ceiling, table, cell_keys, gaussians):
     """Compute the share of the points, by weight, whose own cell has a Gaussian with information.
 
     Args:
@@ -619,23 +673,26 @@ def overlap(xyz, weight, pose, size, table, cell_keys, gaussians):
         weight: Their weights (N,).
         pose: Pose (4, 4) of the points in the map.
         size: Size of the cells [m].
+        ceiling: As in `VoxelGaussians`.
         table: Hash table of the cells.
         cell_keys: Keys of the cells.
         gaussians: Gaussians of the cells.
     """
     met, total = 0.0, 1e-9
     inverse_size = 1.0 / size
+    top = pose[2, 3] + ceiling
     for i in range(len(xyz)):
         x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
-        cell = _lookup(table, cell_keys, _key(x + pose[0, 3], y + pose[1, 3], z + pose[2, 3], inverse_size))
+        x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
+        cell = _met(table, cell_keys, gaussians, _key(x, y, z, inverse_size), z, top)
         total += weight[i]
-        if cell >= 0 and _has_information(gaussians[cell]):
+        if cell >= 0:
             met += weight[i]
     return met / total
 
 
 @njit(cache=True, nogil=True)
-def reaches_overlap(xyz, weight, pose, size, share, table, cell_keys, gaussians):
+def reaches_overlap(xyz, weight, pose, size, ceiling, share, table, cell_keys, gaussians):
     """Whether the `overlap` is at least `share`. Most of the points need not be looked at where it is large.
 
     They are looked at in several passes over the scan, whose parts differ: upper rings meet fewer surfaces.
@@ -644,11 +701,13 @@ def reaches_overlap(xyz, weight, pose, size, share, table, cell_keys, gaussians)
     for i in range(len(xyz)):
         total += weight[i]
     inverse_size = 1.0 / size
+    top = pose[2, 3] + ceiling
     for start in range(PASSES):
         for i in range(start, len(xyz), PASSES):
             x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
-            cell = _lookup(table, cell_keys, _key(x + pose[0, 3], y + pose[1, 3], z + pose[2, 3], inverse_size))
-            if cell >= 0 and _has_information(gaussians[cell]):
+            x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
+            cell = _met(table, cell_keys, gaussians, _key(x, y, z, inverse_size), z, top)
+            if cell >= 0:
                 met += weight[i]
         if met / total >= share:
             return True
@@ -656,7 +715,7 @@ def reaches_overlap(xyz, weight, pose, size, share, table, cell_keys, gaussians)
 
 
 @njit(cache=True, nogil=True)
-def support(xyz, weight, pose, size, kernel, table, cell_keys, gaussians):
+def support(xyz, weight, pose, size, ceiling, kernel, table, cell_keys, gaussians):
     """Compute the directions that the surfaces face to which the points are matched.
 
     Args:
@@ -664,6 +723,7 @@ def support(xyz, weight, pose, size, kernel, table, cell_keys, gaussians):
         weight: Their weights (N,).
         pose: Pose (4, 4) of the points in the map.
         size: Size of the cells [m].
+        ceiling: As in `VoxelGaussians`.
         kernel: Scale of the robust weights, which are those of `normal_equations`.
         table: Hash table of the cells.
         cell_keys: Keys of the cells.
@@ -676,10 +736,10 @@ def support(xyz, weight, pose, size, kernel, table, cell_keys, gaussians):
     normals, counted = np.zeros((3, 3)), np.zeros(len(xyz))
     total = 1e-12
     inverse_kernel = 1.0 / (kernel * kernel)
-    cells = _cells_of(xyz, pose, size, 1, table, cell_keys)[:, 0]
+    cells = _cells_of(xyz, pose, size, ceiling, 1, table, cell_keys, gaussians)[:, 0]
     for i in range(len(xyz)):
         cell = cells[i]
-        if cell < 0 or not _has_information(gaussians[cell]):
+        if cell < 0:
             continue
         x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
         S = gaussians[cell]
@@ -735,7 +795,7 @@ def _mahalanobis(S, x, y, z):
 
 
 @njit(cache=True, nogil=True)
-def evidence(xyz, weight, pose, relevance, size, block, max_weight, table, cell_keys, gaussians, blocks):
+def evidence(xyz, weight, pose, relevance, size, ceiling, block, max_weight, table, cell_keys, gaussians, blocks):
     """Compute the evidence for a pose: the sum of the fit over cubic blocks, times the mean fit.
 
     The mean fit corrects for the amount of points that can fit, which is larger where a scan meets its own ring
@@ -748,6 +808,7 @@ def evidence(xyz, weight, pose, relevance, size, block, max_weight, table, cell_
         pose: Pose (4, 4) of the points in the map.
         relevance: R (3, 3).
         size: Size of the cells [m].
+        ceiling: As in `VoxelGaussians`.
         block: Size of the blocks [m].
         max_weight: Maximum weight of a block, so that a lorry that drives along has no more weight than a lamp post.
         table: Hash table of the cells.
@@ -758,13 +819,14 @@ def evidence(xyz, weight, pose, relevance, size, block, max_weight, table, cell_
     blocks[:] = EMPTY
     block_keys = np.empty(len(xyz), np.int64)
     inverse_size, inverse_block = 1.0 / size, 1.0 / block
+    top = pose[2, 3] + ceiling
     mass = np.zeros((len(xyz), 2))
     count = 0
     for i in range(len(xyz)):
         x, y, z = _rotated(pose, np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]))
         x, y, z = x + pose[0, 3], y + pose[1, 3], z + pose[2, 3]
-        cell = _lookup(table, cell_keys, _key(x, y, z, inverse_size))
-        if cell < 0 or not _has_information(gaussians[cell]):
+        cell = _met(table, cell_keys, gaussians, _key(x, y, z, inverse_size), z, top)
+        if cell < 0:
             continue
         S = gaussians[cell]
         relevant = (
@@ -816,7 +878,7 @@ def merge(
     for i in range(fine_count):
         fine = fine_sums[i]
         x, y, z = _centre(fine_keys[i], fine_size)
-        key = _key(x, y, z, inverse_size)
+        key = _key(x, y, z, inverse_size) | (fine_keys[i] & _ABOVE)
         slot = _find(table, cell_keys, key)
         if table[slot] == EMPTY:
             _add_cell(key, slot, count, table, sums, gaussians, cell_keys)

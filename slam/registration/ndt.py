@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -50,7 +51,10 @@ class NdtTarget:
         kernel_scale: float = 1.0,
         max_iterations: int = 12,
     ) -> None:
-        self.levels = [VoxelGaussians(size, min_points, max_points, regularisation, surfaces) for size in cell_sizes]
+        ceiling = cell_sizes[-1] if surfaces else math.inf
+        self.levels = [
+            VoxelGaussians(size, min_points, max_points, regularisation, surfaces, ceiling) for size in cell_sizes
+        ]
         self.surfaces, self.neighbours, self.kernel_scale = surfaces, neighbours, kernel_scale
         self.max_iterations = max_iterations
         self.convergence_radius = float(cell_sizes[-1])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from slam.data.cloud import Array
@@ -59,13 +61,21 @@ class VoxelGaussians:
         regularisation: Share of a covariance's trace that is added to its diagonal, so that flat cells stay invertible.
         surfaces: A point is constrained along the directions in which the cell's surface is thin; False: by the full
             inverse covariance of the cell, as in the paper.
+        ceiling: Height above the sensor [m], along the map's z axis, from which points have cells of their own, so that
+            a floor is not matched to the ceiling beneath it. All other surfaces are met from any height.
     """
 
     def __init__(
-        self, size: float, min_points: int, max_points: int, regularisation: float, surfaces: bool = False
+        self,
+        size: float,
+        min_points: int,
+        max_points: int,
+        regularisation: float,
+        surfaces: bool = False,
+        ceiling: float = math.inf,
     ) -> None:
         self.size, self.min_points, self.max_points, self.regularisation = size, min_points, max_points, regularisation
-        self.surfaces = surfaces
+        self.surfaces, self.ceiling = surfaces, ceiling
         self._pose = np.eye(4)  # of the last scan inserted
         self._sums, self._gaussians = np.zeros((0, kernels.SUMS)), np.zeros((0, kernels.GAUSSIAN))
         self._cell_keys = np.zeros(0, np.int64)
@@ -85,8 +95,8 @@ class VoxelGaussians:
             self._allocate(3 * (self._count + len(xyz)) // 2)
         self._pose = pose
         self._count = kernels.insert(
-            xyz, weight, pose, self.size, self.min_points, self.max_points, self.regularisation, self.surfaces,
-            self._table, self._sums, self._gaussians, self._cell_keys, self._count,
+            xyz, weight, pose, self.size, self.ceiling, self.min_points, self.max_points, self.regularisation,
+            self.surfaces, self._table, self._sums, self._gaussians, self._cell_keys, self._count,
         )  # fmt: skip
 
     def compact(self) -> None:
@@ -105,7 +115,7 @@ class VoxelGaussians:
     def coarser(self, factor: int) -> VoxelGaussians:
         """Return the same points in cells `factor` times as large."""
         coarse = VoxelGaussians(
-            self.size * factor, self.min_points, self.max_points, self.regularisation, surfaces=True
+            self.size * factor, self.min_points, self.max_points, self.regularisation, True, self.ceiling
         )
         if self._count > len(coarse._sums):
             coarse._allocate(self._count)
@@ -129,27 +139,31 @@ class VoxelGaussians:
     ) -> tuple[Array, Array, Array]:
         """Return H, gradient and sums of one NDT linearisation, see `kernels.normal_equations`."""
         return kernels.normal_equations(
-            xyz, weight, pose, self.size, neighbours, kernel,
+            xyz, weight, pose, self.size, self.ceiling, neighbours, kernel,
             self._table, self._cell_keys, self._gaussians, scores, scored,
         )  # fmt: skip
 
     def fits(self, xyz: Array, poses: Array) -> Array:
         """Return score and number of inliers (P, 2) of points (N, 3) at poses (P, 4, 4), see `kernels.fits`."""
-        return kernels.fits(xyz, poses, self.size, self._table, self._cell_keys, self._gaussians)
+        return kernels.fits(xyz, poses, self.size, self.ceiling, self._table, self._cell_keys, self._gaussians)
 
     def overlap(self, xyz: Array, weight: Array, pose: Array) -> float:
         """Return the share of the points that meet a Gaussian, see `kernels.overlap`."""
-        return kernels.overlap(xyz, weight, pose, self.size, self._table, self._cell_keys, self._gaussians)
+        return kernels.overlap(
+            xyz, weight, pose, self.size, self.ceiling, self._table, self._cell_keys, self._gaussians
+        )
 
     def reaches_overlap(self, xyz: Array, weight: Array, pose: Array, share: float) -> bool:
         """Return whether at least a share of the points meets a Gaussian, see `kernels.overlap`."""
         return kernels.reaches_overlap(
-            xyz, weight, pose, self.size, share, self._table, self._cell_keys, self._gaussians
+            xyz, weight, pose, self.size, self.ceiling, share, self._table, self._cell_keys, self._gaussians
         )
 
     def support(self, xyz: Array, weight: Array, pose: Array, kernel: float) -> tuple[Array, Array, Array]:
         """Return the directions that the surfaces face, see `kernels.support`."""
-        return kernels.support(xyz, weight, pose, self.size, kernel, self._table, self._cell_keys, self._gaussians)
+        return kernels.support(
+            xyz, weight, pose, self.size, self.ceiling, kernel, self._table, self._cell_keys, self._gaussians
+        )
 
     def facing(self, cells: Array, weight: Array, axes: Array) -> Array:
         """Return the part (K,) of the surfaces that face each of the axes (K, 3), see `kernels.facing`."""
@@ -165,6 +179,7 @@ class VoxelGaussians:
             pose,
             relevance,
             self.size,
+            self.ceiling,
             block,
             max_weight,
             self._table,

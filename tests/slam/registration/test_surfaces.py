@@ -141,3 +141,32 @@ def test_coarser_cells_equal_those_made_of_the_points(factor: int) -> None:
     assert expected[2][4] > 1000  # points in a cell with a Gaussian
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * np.abs(other).max())
+
+
+def points_met(cells: VoxelGaussians, point: list[float], sensor: list[float]) -> float:
+    """1 if a point meets a Gaussian, seen by a level sensor, 0 if not."""
+    pose = np.eye(4)
+    pose[:3, 3] = sensor
+    xyz = (np.array([point]) - sensor).astype(np.float32)
+    return float(cells.normal_equations(xyz, ones(xyz), pose, 1, 1.0)[2][4])
+
+
+@pytest.mark.parametrize(("ceiling", "met_from_above"), [(1.0, 0.0), (np.inf, 1.0)])
+def test_a_floor_is_not_matched_to_the_ceiling_beneath_it(ceiling: float, met_from_above: float) -> None:
+    below = [0.5, -2.0, -1.0]
+    cells = VoxelGaussians(1.0, 5, 1000, regularisation=0.003, surfaces=True, ceiling=ceiling)
+    underside = spread([0.05, 0.05, 0.4], [0.95, 0.95, 0.4])
+    pose = np.eye(4)
+    pose[:3, 3] = below
+    cells.insert((underside - below).astype(np.float32), ones(underside), pose)
+    for level in (cells, cells.coarser(2)):
+        assert points_met(level, [0.5, 0.5, 0.6], below) == pytest.approx(1.0)
+        assert points_met(level, [0.5, 0.5, 0.6], [0.5, -2.0, 2.0]) == pytest.approx(met_from_above)
+
+
+def test_a_wall_is_matched_from_all_heights() -> None:
+    cells = VoxelGaussians(1.0, 5, 1000, regularisation=0.003, surfaces=True, ceiling=1.0)
+    wall = spread([0.05, 0.5, 0.05], [0.95, 0.5, 0.95])
+    cells.insert(wall, ones(wall), np.eye(4))
+    for height in (-3.0, 0.0, 3.0):
+        assert points_met(cells, [0.5, 0.6, 0.5], [0.5, -2.0, height]) == pytest.approx(1.0)
