@@ -62,10 +62,16 @@ class PointCloud:
         return len(self.xyz)
 
     def select(self, index: Array | slice) -> PointCloud:
-        """Return the points of a mask (N,), an index array or a slice, with all their fields."""
+        """Return the points of a mask (N,), an index array or a slice, with all their fields.
+
+        Raises:
+            IndexError: A mask has another length, or an index is out of range.
+        """
         if isinstance(index, slice):
             return self._map(lambda values: values[index])
         index = np.asarray(index)
+        if index.dtype == bool and index.shape != (len(self),):
+            raise IndexError(f"a mask of shape {index.shape} for {len(self)} points")
         places = np.flatnonzero(index) if index.dtype == bool else index  # several times faster than a mask per field
         return self._map(lambda values: values.take(places, axis=0))
 
