@@ -6,8 +6,10 @@ from dataclasses import replace
 
 from slam.cell_sizes import Sizes
 from slam.data.cloud import Array, PointCloud
+from slam.odometry_step import OdometryStep
+from slam.registration.target import Target
 from slam.settings import OdometrySettings
-from slam.track import OdometryStep, Target, Track
+from slam.track import Track
 
 COMPARED_SCANS = 8  # after the first, after which the best hypothesis is chosen
 MIN_RELATIVE_EVIDENCE = 0.5  # to the best hypothesis; below it a hypothesis is rejected

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Literal, NamedTuple, Protocol
+from dataclasses import replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -17,9 +15,12 @@ from slam.consistency import LastScan, Sample, sample
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 from slam.data.distortion import Correction
+from slam.odometry_step import OdometryStep
+from slam.pose_search import DISTINCT, registrations, search
 from slam.registration.icp import IcpTarget
 from slam.registration.ndt import NdtTarget
 from slam.registration.result import RegistrationResult
+from slam.registration.target import Points, Target
 from slam.registration.voxels import VoxelFilter
 from slam.settings import OdometrySettings
 
@@ -30,15 +31,9 @@ GAP = 5.0  # sweeps between two stamps, after which registration starts with a s
 MAX_PREDICTION_TIME = 5.0  # s of constant velocity
 EVICTION_DISTANCE = 5.0  # m between two evictions of distant cells
 MAX_FAILURES = 5  # in a row, after which the map is restarted at the predicted pose
-SEARCH_STEP = 0.5  # m, below the convergence radius of a coarse cell
-SEARCH_YAWS = np.deg2rad([4, -4, 8, -8, 12, -12, 16, -16])  # a sharp corner in one frame
-MAX_TRANSLATIONS, MAX_YAWS = 12, 3  # initial guesses of a search that are followed, those with the best score
-SEARCH_POINTS = 1_000  # of a scan, all over it, about: enough to compare and follow the guesses of a search
-MIN_RELATIVE_SCORE = 0.5  # of a pose to which a guess led, to the best one; below it is not registered
-CLEARLY_MORE = 1.1  # evidence of a search's registration, relative to that of a sound one from the prediction
-MAX_HYPOTHESES = 5  # of the first motion; also poses of a search that are registered
+CLEARLY_MORE = 1.1  # evidence to leave a sound registration: in the door to a room, few points decide the search
+MAX_HYPOTHESES = 5  # of the first motion
 MAX_INITIAL_SPEED = 45.0  # m/s, of the first motion: a row of posts fits at any multiple of their spacing
-DISTINCT = 0.4  # distance between two different motions, relative to the finest cells
 MIN_OVERLAP_RATIO, OVERLAP_WINDOW = 0.8, 10  # of a plausible registration, to the running mean; scans in the mean
 MIN_INLIER_RATIO = 0.8  # of a registration, to the running mean: at another place walls and ground fit by half
 MIN_YOUNG_RATIO = 0.7  # the same of the first scans
@@ -52,81 +47,6 @@ VELOCITY_WINDOW = 10  # scans of the median velocity: two steps of a person with
 VELOCITY_CHANGE_GAIN = 0.2  # of the newest change of the velocity in their running covariance
 DISTORTION_POINTS = 4  # every 4th point is enough for the effect of a scan's distortion
 ACCELERATION_SIGMA = 1.0  # m/s^2, of an unobservable velocity
-
-
-class Target(Protocol):
-    """Target of the registration of scans: NdtTarget or IcpTarget.
-
-    Attributes:
-        convergence_radius: Distance [m] within which two initial poses converge to the same pose.
-    """
-
-    convergence_radius: float
-
-    def __len__(self) -> int: ...
-
-    def clear(self) -> None:
-        """Remove all points."""
-
-    def insert(self, xyz: Array, weight: Array, pose: Array) -> None:
-        """Add points (N, 3) with weights (N,), transformed by `pose` (4, 4)."""
-
-    def evict(self, centre: Array, radius: float) -> None:
-        """Remove the points further than `radius` [m] from `centre` (3,)."""
-
-    def scorer(self, xyz: Array, weight: Array, centre: Array) -> Callable[[Array], float]:
-        """Return a function that scores poses (4, 4) of a scan around `centre` (4, 4); higher is better."""
-        ...
-
-    def align(self, xyz: Array, weight: Array, guess: Array, locked: Array = ...) -> RegistrationResult:
-        """Register points from `guess` (4, 4), without steps along `locked` (K, 6) in the target's axes."""
-        ...
-
-    def distortion_response(self, xyz: Array, weight: Array, time: Array, found: RegistrationResult) -> Array:
-        """Return how the pose of points with times (N,) [s] follows a velocity error (6, 6), see `gauss_newton`."""
-        ...
-
-    def unobserved(self, xyz: Array, weight: Array, pose: Array, before: Array) -> Array:
-        """Return the unobservable directions (K, 3) of a scan; `before` (K, 3) are those of the last scan."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class OdometryStep:
-    """The odometry's result for one scan.
-
-    Attributes:
-        pose: T_world_lidar (4, 4); the world is the first scan's frame.
-        covariance: Covariance (6, 6) of the motion since the last scan: of pose @ exp(xi), with xi = (rotation,
-            translation).
-        status: 'registered'; 'retried': registered after a search around the prediction; 'degenerate': the scan does
-            not constrain the pose along `unobserved`, where the prediction was kept; 'failed': the prediction was kept.
-        registration: Registration of the scan against the map; None for the first scan and for too few points.
-        recorded: The scan as recorded.
-        correction: Correction of the scan's distortion.
-        unobserved: Unit vectors (K, 6) (rotation, translation) in the sensor's axes; empty unless degenerate.
-        velocity: Velocity (6,) [rad/s, m/s] in the sensor's axes, since the last scan; 0 while it is unknown.
-        provisional: The pose may still be revised, at the beginning of a sequence.
-        restarted: The local map was restarted at this scan, whose pose is the prediction: a new segment begins.
-        revised: The revised steps of the provisional scans, oldest first, at the end of the beginning.
-    """
-
-    pose: Array
-    covariance: Array
-    status: Literal["registered", "retried", "degenerate", "failed"]
-    registration: RegistrationResult | None
-    recorded: PointCloud
-    correction: Correction = field(default_factory=Correction)
-    unobserved: Array = field(default_factory=lambda: np.zeros((0, 6)))
-    velocity: Array = field(default_factory=lambda: np.zeros(6))
-    provisional: bool = False
-    restarted: bool = False
-    revised: tuple[OdometryStep, ...] = ()
-
-    @cached_property
-    def cloud(self) -> PointCloud:
-        """The scan deskewed and vertically corrected, in the sensor's frame."""
-        return self.correction.cloud(self.recorded)
 
 
 class Track:
@@ -193,7 +113,7 @@ class Track:
         points = prepared.points
         if self.target is None or len(points[0]) < MIN_POINTS:
             return []
-        candidates = self._candidate_registrations(self.target, points, [self._pose])
+        candidates = registrations(self.target, points, [self._pose], self.settings.search_radius)
         score = self.target.scorer(*points, self._pose)
         distinct = self._distinct_motions(candidates, prepared.sample, score, stamp)
         if distinct and len(self.target.unobserved(*points, distinct[0].pose, ALL_OBSERVED)) > 1:
@@ -300,8 +220,9 @@ class Track:
         status: Literal["registered", "retried", "degenerate"] = "registered"
         gap = self._failures > 0 or self._elapsed(stamp) > GAP * self.sweep_duration
         if self._registered < 2 or gap:
-            centres = self._search_centres(prediction)
-            found = self._search(target, points, centres)
+            one_sweep_on = self.predict(self._stamp + self.sweep_duration)
+            centres = [prediction, one_sweep_on, self._pose]  # the clock may have been stepped, or scans be missing
+            found = search(target, points, centres, self.settings.search_radius)
             prediction = min(centres, key=lambda centre: _distance(centre, found.pose))
         else:
             found = target.align(*points, prediction, _unobserved_twists(self._unobserved))
@@ -310,7 +231,10 @@ class Track:
             steady_pose = prediction if gap else self._steady_prediction(prediction, lost, stamp)
             found = target.align(*points, steady_pose, _unobserved_twists(lost))
         elif self._registered > 1 and not gap and not self._is_plausible(prediction, found):
-            status, found = "retried", self._search(target, points, [prediction], found)
+            sound = found.converged and self._is_valid(found, ALL_OBSERVED)
+            needed = CLEARLY_MORE if sound else 1.0
+            found = search(target, points, [prediction], self.settings.search_radius, found, needed)
+            status = "retried"
         if not self._is_valid(found, lost) or not self._agrees(prepared.sample, found, stamp):
             return self._prediction_step(prediction, prepared, found)
         self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
@@ -333,54 +257,6 @@ class Track:
         steady_pose = prediction.copy()
         steady_pose[:3, 3] += lost.T @ (lost @ change)
         return steady_pose
-
-    def _search_centres(self, prediction: Array) -> list[Array]:
-        """Poses around which to search after a gap: the clock may have been stepped, or scans may be missing."""
-        return [prediction, self.predict(self._stamp + self.sweep_duration), self._pose]
-
-    def _search(
-        self, target: Target, points: Points, centres: list[Array], *found: RegistrationResult
-    ) -> RegistrationResult:
-        """The best registration from initial guesses around `centres`, or that `found` so far.
-
-        A sound registration is kept unless another has clearly more evidence: where a scan sees less of the map, as in
-        the door to a room, few points decide between poses that differ by a little.
-        """
-        candidates = self._candidate_registrations(target, points, centres)
-        score = target.scorer(*points, centres[0])
-        best = max((*found, *candidates), key=lambda result: score(result.pose))
-        for sound in (one for one in found if one.converged and self._is_valid(one, ALL_OBSERVED)):
-            if score(best.pose) < CLEARLY_MORE * score(sound.pose):
-                return sound
-        return best
-
-    def _candidate_registrations(
-        self, target: Target, points: Points, centres: list[Array]
-    ) -> list[RegistrationResult]:
-        """Registrations from `centres` and from the initial guesses with the best scores around them.
-
-        A dense scan is registered from the distinct poses only to which some of its points lead.
-        """
-        step = max(1, len(points[0]) // SEARCH_POINTS)
-        xyz, weight = (np.ascontiguousarray(values[::step]) for values in points)
-        score = target.scorer(xyz, weight, centres[0])
-        translations, yaws = [], []
-        for centre in centres:
-            for radius in np.arange(0.0, self.settings.search_radius + 1e-9, SEARCH_STEP):
-                yaws += [centre @ se3.exp(np.array([0, 0, yaw, radius, 0, 0])) for yaw in SEARCH_YAWS]
-                for heading in np.arange(8 if radius else 1) * np.pi / 4:
-                    offset = np.eye(4)
-                    offset[:2, 3] = radius * np.cos(heading), radius * np.sin(heading)
-                    translations.append(centre @ offset)
-        translations.sort(key=score, reverse=True)
-        best = _non_maximum_suppression(translations, target.convergence_radius)[:MAX_TRANSLATIONS]
-        best += sorted(yaws, key=score, reverse=True)[:MAX_YAWS]
-        found = {score(each.pose): each for each in (target.align(xyz, weight, pose) for pose in (*centres, *best))}
-        if step == 1:
-            return list(found.values())
-        likely = [found[key].pose for key in sorted(found, reverse=True) if key >= MIN_RELATIVE_SCORE * max(found)]
-        distinct = _non_maximum_suppression(likely, DISTINCT * target.convergence_radius)[:MAX_HYPOTHESES]
-        return [target.align(*points, pose) for pose in distinct]
 
     def _is_plausible(self, prediction: Array, found: RegistrationResult) -> bool:
         """Whether a registration converged near the prediction with about the overlap of the last scans.
@@ -509,9 +385,6 @@ class Track:
         return restart
 
 
-Points = tuple[Array, Array]  # xyz (N, 3) and weights (N,), float32
-
-
 class Prepared(NamedTuple):
     """A scan ready for registration.
 
@@ -536,18 +409,6 @@ NO_POINTS: Points = (np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
 def _distance(pose: Array, other: Array) -> float:
     """Distance [m] between the positions of two poses."""
     return float(np.linalg.norm((other - pose)[:3, 3]))
-
-
-def _non_maximum_suppression(poses: list[Array], distance: float) -> list[Array]:
-    """The poses, in order of their scores, that are at least `distance` [m] from all better ones."""
-    kept: list[Array] = []
-    places: list[list[float]] = []
-    for pose in poses:
-        place = pose[:3, 3].tolist()
-        if all(math.dist(other, place) >= distance for other in places):
-            kept.append(pose)
-            places.append(place)
-    return kept
 
 
 def _unobserved_twists(positions: Array) -> Array:
