@@ -51,7 +51,6 @@ PROTOCOL = f"""\
 def page(found: Mapping[str, Any]) -> str:
     """`found` is the JSON file: the drives by name, [drive][input] -> figures, and "about"."""
     about, results = found["about"], without_about(found)
-    note = f"\n{found['about']['note']}\n" if "note" in found["about"] else ""
     cases = list(_cases(results))
     reach = ", ".join(sorted({f"{entry['reach_m']:g}" for _, _, entry in cases}))
     return f"""# Observability and consistency
@@ -61,7 +60,7 @@ def page(found: Mapping[str, Any]) -> str:
 ```
 {about["command"]}
 ```
-{note}
+
 {PROTOCOL.format(reach=reach)}
 {table(("target", "figure", "limit", "verdict"), targets(results))}
 {table(HEADER, _kinds(cases), words=3)}
@@ -89,7 +88,7 @@ def targets(results: Mapping[str, Any]) -> list[tuple[str, ...]]:
         ("NEES along an axis, minimum over sequences", min(along, default=None), ">=", LEAST, 2),
         ("NEES along an axis, maximum over sequences", max(along, default=None), "<=", MOST, 2),
     ]
-    over = [entry.get("nees_over_keyframes", {}) for *_, entry in cases]
+    over = [entry["nees_over_keyframes"] for *_, entry in cases]
     for length in LENGTHS:
         name = f"NEES of the {ABSOLUTE}" if length == ABSOLUTE else f"NEES over keyframes: {length}"
         all_axes = [figures[length]["all"] for figures in over if length in figures]
@@ -151,7 +150,7 @@ def _nees(cases: Cases) -> Iterator[tuple[str, ...]]:
 
 def _over_keyframes(cases: Cases) -> Iterator[tuple[str, ...]]:
     for drive, name, entry in cases:
-        by_length = entry.get("nees_over_keyframes", {})
+        by_length = entry["nees_over_keyframes"]
         values = {length: figures["all"] for length, figures in by_length.items()}
         axes = [value for figures in by_length.values() for axis, value in figures.items() if axis != "all"]
         missed = [length for length, value in values.items() if not LEAST <= value <= MOST]
