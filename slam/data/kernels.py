@@ -5,12 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-_ATAN = (  # of an odd polynomial, atan(q) to 8e-8 for q from 0 to 1, in single precision
-    np.float32(0.9999998977538576), np.float32(-0.33331959724324617), np.float32(0.1996923539479917),
-    np.float32(-0.14016585042087332), np.float32(0.09906096896068989), np.float32(-0.05936710078921716),
-    np.float32(0.024166189522201037), np.float32(-0.0046687733076170145),
-)  # fmt: skip
-_TINY, _QUARTER, _HALF_TURN = np.float32(1e-30), np.float32(math.pi / 2), np.float32(math.pi)
+from slam.data.angle import angle
 
 
 @njit(cache=True, nogil=True)
@@ -117,27 +112,13 @@ def cheapest_lines(xyz, weight, wrap, tangent, offset, spacing, switch_cost):
     return ring, misfit / max(weight.sum(), 1e-9)
 
 
-@njit(inline="always")
-def _angle(y, x):
-    """Angle of (x, y), float32, to 5e-7 rad, without branches: many times faster than atan2."""
-    across, along = abs(y), abs(x)
-    steep = across > along
-    q = (along if steep else across) / ((across if steep else along) + _TINY)
-    s = q * q
-    high = _ATAN[4] + s * (_ATAN[5] + s * (_ATAN[6] + s * _ATAN[7]))
-    angle = q * (_ATAN[0] + s * (_ATAN[1] + s * (_ATAN[2] + s * (_ATAN[3] + s * high))))
-    angle = _QUARTER - angle if steep else angle
-    angle = _HALF_TURN - angle if x < 0 else angle
-    return -angle if y < 0 else angle
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn_times(xyz, sweep, instant):
     """Compute point times from azimuths: (1/2 - azimuth / (2 pi) - instant) * sweep, (N,) float32 [s]."""
     out = np.empty(len(xyz), np.float32)
     rear, per_radian = np.float32((0.5 - instant) * sweep), np.float32(sweep / (2 * math.pi))
     for i in range(len(xyz)):
-        out[i] = rear - _angle(np.float32(xyz[i, 1]), np.float32(xyz[i, 0])) * per_radian
+        out[i] = rear - angle(np.float32(xyz[i, 1]), np.float32(xyz[i, 0])) * per_radian
     return out
 
 

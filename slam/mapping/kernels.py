@@ -11,6 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
+from slam.data.angle import angle
+
 FREE = np.int32(-1)
 _BITS = 21  # bits of a cell index per axis: +-1,048,576 cells, 200 km with 0.2 m cells
 _MASK = (1 << _BITS) - 1
@@ -21,12 +23,6 @@ _EVEN = ~(1 | 1 << _BITS | 1 << (2 * _BITS))
 # point in the voxel, number of the last such cloud plus 1; with colour also red, green, blue and the number of coloured
 # points. Whole numbers are exact in float32 up to 2^24.
 _OFFSET, _INTENSITY, SEEN, _LAST, _COLOUR, _COLOURED = 1, 4, 5, 6, 7, 10
-_ATAN = (  # of an odd polynomial, atan(q) to 8e-8 for q from 0 to 1, in single precision
-    np.float32(0.9999998977538576), np.float32(-0.33331959724324617), np.float32(0.1996923539479917),
-    np.float32(-0.14016585042087332), np.float32(0.09906096896068989), np.float32(-0.05936710078921716),
-    np.float32(0.024166189522201037), np.float32(-0.0046687733076170145),
-)  # fmt: skip
-_TINY, _QUARTER, _HALF_TURN = np.float32(1e-30), np.float32(math.pi / 2), np.float32(math.pi)
 _BLOCK = 256  # points that are processed together
 _NEAR = 2e-3  # bins to the next bin, within which the angle in single precision is not sure of the bin
 
@@ -206,20 +202,6 @@ def tiles(cell_keys, width):
     return out
 
 
-@njit(inline="always")
-def _angle(y, x):
-    """Angle of (x, y), float32, to 5e-7 rad, many times faster than atan2."""
-    across, along = abs(y), abs(x)
-    steep = across > along  # selections in place of branches, which directions of points would mispredict
-    q = (along if steep else across) / ((across if steep else along) + _TINY)
-    s = q * q
-    high = _ATAN[4] + s * (_ATAN[5] + s * (_ATAN[6] + s * _ATAN[7]))
-    angle = q * (_ATAN[0] + s * (_ATAN[1] + s * (_ATAN[2] + s * (_ATAN[3] + s * high))))
-    angle = _QUARTER - angle if steep else angle
-    angle = _HALF_TURN - angle if x < 0 else angle
-    return -angle if y < 0 else angle
-
-
 @njit(error_model="numpy")
 def _directions(points, count, rows, columns, places):
     """Write row (0 = straight up) and column of `count` directions (3, B) in a range image of the whole sphere.
@@ -233,8 +215,8 @@ def _directions(points, count, rows, columns, places):
     for k in range(count):
         x, y, z = np.float32(points[0, k]), np.float32(points[1, k]), np.float32(points[2, k])
         rho = np.sqrt(x * x + y * y)
-        places[0, k] = top - _angle(z, rho) * row_step
-        places[1, k] = left + _angle(y, x) * column_step
+        places[0, k] = top - angle(z, rho) * row_step
+        places[1, k] = left + angle(y, x) * column_step
 
 
 @njit(inline="always")
