@@ -50,7 +50,7 @@ def highest(xyz, size, reach):
         reach: Points further than this from the origin along x or y are left out [m].
 
     Returns:
-        Points (M, 3) float32 in the order of the columns.
+        Rows (M,) of the points, in the order of their columns.
     """
     width = math.ceil(2 * reach / size)
     best = np.full(width * width, -1, np.int32)
@@ -64,13 +64,13 @@ def highest(xyz, size, reach):
         count += other < 0
         if other < 0 or z > xyz[other, 2]:
             best[column] = i
-    points = np.empty((count, 3), np.float32)
-    row = 0
+    rows = np.empty(count, np.int64)
+    count = 0
     for column in range(len(best)):
         if best[column] >= 0:
-            points[row] = xyz[best[column]]
-            row += 1
-    return points
+            rows[count] = best[column]
+            count += 1
+    return rows
 
 
 @njit(cache=True, nogil=True)
@@ -100,7 +100,9 @@ def describe(xyz, lateral, rings, sectors, max_range, sensor_height):
                 x[count], y[count], z[count] = xyz[i, 0], xyz[i, 1], height
                 count += 1
         for root in range(len(lateral)):
-            shifted[:count] = y[:count] - np.float32(lateral[root])
+            shift = np.float32(lateral[root])
+            for i in range(count):
+                shifted[i] = y[i] - shift
             _cells(x[:count], shifted[:count], rings, sectors, max_range, cells)
             for i in range(count):
                 grids[root, cells[i]] = max(grids[root, cells[i]], z[i])

@@ -93,7 +93,7 @@ def highest_points(xyz: Array, settings: ScanContextSettings) -> Array:
     A descriptor holds maximum heights, so the highest point of each column of `COLUMN` is enough.
     """
     reach = settings.max_range + settings.submap_length + max(map(abs, settings.lateral_shifts))
-    return np.asarray(kernels.highest(xyz, COLUMN, reach))
+    return xyz[kernels.highest(xyz, COLUMN, reach)]
 
 
 def levelled_submap(clouds: Sequence[Array], poses: Array, travelled: Array, length: float) -> Array:

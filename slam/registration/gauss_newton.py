@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from slam.data.cloud import Array
-from slam.registration.kernels import clustered_scatter, stepped
+from slam.registration.kernels import clustered_sums, stepped
 from slam.registration.result import RegistrationResult
 from slam.registration.voxels import hash_table
 
@@ -91,12 +91,12 @@ def result(
     rotation = _rotation(pose)
     step = rotation.T @ _step(model, locked)
     H = rotation.T @ model.H @ rotation
-    scatter = rotation.T @ clustered_scatter(xyz, scores, CLUSTER_SIZE, hash_table(len(xyz))) @ rotation
+    sums = clustered_sums(xyz, scores, CLUSTER_SIZE, hash_table(len(xyz))) @ rotation
     return RegistrationResult(
         pose=pose,
         H=H,
         covariance=model.variance * _solve(H, np.eye(6)),
-        sandwich=_solve(H, _solve(H, scatter).T) + np.outer(step, step) + MIN_VARIANCE * np.eye(6),
+        sandwich=_solve(H, _solve(H, sums.T @ sums).T) + np.outer(step, step) + MIN_VARIANCE * np.eye(6),
         inlier_ratio=model.inlier_ratio,
         overlap=model.overlap,
         converged=converged,

@@ -906,6 +906,9 @@ def merge(
 def stepped(pose, H, gradient, free, ridge):
     """Take one Gauss-Newton step: a rotation about the sensor and a translation of it, both in the target's axes.
 
+    Written as loops: numpy's product and solver of matrices take four times as long to compile as all other kernels of
+    a step.
+
     Args:
         pose: Pose (4, 4).
         H: Normal matrix (6, 6).
@@ -916,39 +919,80 @@ def stepped(pose, H, gradient, free, ridge):
     Returns:
         The new pose (4, 4), and the step (6,).
     """
-    A = free.T @ H @ free
-    scale = max(np.trace(A), 1e-12)
-    for k in range(len(A)):
-        A[k, k] += ridge * scale
-    step = -(free @ np.linalg.solve(A, free.T @ gradient))
-    R = _rotation_matrix(step[0], step[1], step[2]) @ np.ascontiguousarray(pose[:3, :3])
-    R = 0.5 * (3.0 * R - R @ R.T @ R)  # a Newton step to the nearest rotation: rounding errors accumulate
+    count = free.shape[1]
+    A, b, step = np.zeros((count, count)), np.zeros(count), np.zeros(6)
+    trace = 0.0
+    for i in range(count):
+        for k in range(6):
+            b[i] -= free[k, i] * gradient[k]
+            for j in range(i + 1):
+                for m in range(6):
+                    A[i, j] += free[k, i] * H[k, m] * free[m, j]
+        trace += A[i, i]
+    for i in range(count):
+        A[i, i] += ridge * max(trace, 1e-12)
+    _solve_by_cholesky(A, b)
+    for k in range(6):
+        for i in range(count):
+            step[k] += free[k, i] * b[i]
     out = pose.copy()
-    out[:3, :3] = R
+    _rotate(out, step[0], step[1], step[2])
     for axis in range(3):
         out[axis, 3] += step[3 + axis]
     return out, step
 
 
 @njit
-def _rotation_matrix(x, y, z):
-    """Rotation matrix (3, 3) of a rotation vector [rad]."""
+def _solve_by_cholesky(A, b):
+    """Replace b by the solution of A x = b, for a symmetric, positive definite A, of which the lower half is used."""
+    for i in range(len(b)):
+        for j in range(i + 1):
+            for k in range(j):
+                A[i, j] -= A[i, k] * A[j, k]
+            if j < i:
+                A[i, j] /= A[j, j]
+            else:
+                A[i, i] = math.sqrt(A[i, i])
+        for k in range(i):
+            b[i] -= A[i, k] * b[k]
+        b[i] /= A[i, i]
+    for i in range(len(b) - 1, -1, -1):
+        for k in range(i + 1, len(b)):
+            b[i] -= A[k, i] * b[k]
+        b[i] /= A[i, i]
+
+
+@njit
+def _rotate(pose, x, y, z):
+    """Turn the axes of a pose (4, 4) by a rotation vector [rad], and make them orthonormal again."""
     squared = x * x + y * y + z * z
     angle = math.sqrt(squared)
     if angle < 1e-6:
         a, b = 1.0, 0.5
     else:
         a, b = math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + a * K + b * (K @ K)
+    for j in range(3):
+        u, v, w = pose[0, j], pose[1, j], pose[2, j]
+        along = b * (x * u + y * v + z * w)
+        rest = 1.0 - b * squared
+        pose[0, j] = rest * u + along * x + a * (y * w - z * v)
+        pose[1, j] = rest * v + along * y + a * (z * u - x * w)
+        pose[2, j] = rest * w + along * z + a * (x * v - y * u)
+    # a Newton step R (3 I - R^T R) / 2 to the nearest rotation: rounding errors accumulate
+    G = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                G[i, j] += pose[k, i] * pose[k, j]
+    for i in range(3):
+        u, v, w = pose[i, 0], pose[i, 1], pose[i, 2]
+        for j in range(3):
+            pose[i, j] = 0.5 * (3.0 * pose[i, j] - u * G[0, j] - v * G[1, j] - w * G[2, j])
 
 
 @njit(cache=True, nogil=True)
-def clustered_scatter(xyz, scores, size, table):
-    """Return the sum (6, 6) over cells of s s^T, with s the sum of the scores (N, 6) of the points (N, 3) in the cell.
-
-    `table` is a hash table with at least 2 N rows, overwritten.
-    """
+def clustered_sums(xyz, scores, size, table):
+    """Return the sums (C, 6) of the scores (N, 6) of points (N, 3) by cell; `table` (at least 2 N) is overwritten."""
     table[:] = EMPTY
     keys = np.empty(len(xyz), np.int64)
     inverse_size = 1.0 / size
@@ -966,4 +1010,4 @@ def clustered_scatter(xyz, scores, size, table):
     for i in range(len(xyz)):
         for k in range(6):
             sums[cells[i], k] += scores[i, k]
-    return sums.T @ sums
+    return sums

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -47,6 +49,39 @@ def test_a_run_compiles_no_kernel_once_more() -> None:
     """An array with strides or of another type would be compiled for, in the middle of a run."""
     done = subprocess.run([sys.executable, "-c", RUN], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+COLD = """
+import os
+from pathlib import Path
+from slam.compilation import compile_odometry
+from slam.registration import compilation
+from slam.settings import Config
+
+started = []
+start = compilation.start
+compilation.start = lambda: started.append(start()) or started[-1]
+notified = []
+compile_odometry(Config(), lambda: notified.append(1))
+kernels = list(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbi"))
+print(len(notified), len(kernels), all(process is None or process.poll() is not None for process in started))
+"""
+
+
+def test_cold_kernels_are_compiled_once_and_told_once(tmp_path: Path) -> None:
+    """Two processes fill one cache; the second is gone when all kernels are there."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", COLD], env=environment, capture_output=True, text=True, check=True)
+    notified, kernels, ended = done.stdout.split()
+    assert notified == "1"
+    assert int(kernels) > 10
+    assert ended == "True"
+    index = {path.name for path in tmp_path.rglob("*.nbi")}
+    again = subprocess.run(
+        [sys.executable, "-m", "slam.registration.compilation"], env=environment, capture_output=True, check=True
+    )
+    assert again.stderr == b""
+    assert {path.name for path in tmp_path.rglob("*.nbi")} == index
 
 
 def test_the_thread_ends_with_the_statement() -> None:
