@@ -119,6 +119,7 @@ TOPICS = (
         "whole.whole_run", (*BOTH, "{kitti_raw_0013}", "{loop}", "--kiss-slam", "{trajectories}"), 90,
         ("kiss_icp", ".peers/kiss-slam/bin/python"),
     ),
+    Topic("whole.start_up", (*BOTH, "{kitti_raw_0013}"), 5),
     Topic("odometry.paper_chain", (*KITTI, "--town", "{loop}"), 20),
     Topic("odometry.disturbed", (*DISTURBED, "repeated"), 60),
     Topic("odometry.observability", OBSERVED, 60),
