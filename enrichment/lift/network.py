@@ -91,7 +91,10 @@ class Lift(nn.Module):
             rays: (B, RAYS, Q, W).
             candidates: (B, CANDIDATES, Q, W).
         """
-        between = self.between(rings)
+        return self.along_rays(self.between(rings), upper, rays, candidates)
+
+    def along_rays(self, between: Tensor, upper: Tensor, rays: Tensor, candidates: Tensor) -> Answer:
+        """Predict the ranges of any Q rays from `between` and the arguments of `forward`."""
         x = functional.relu(between.index_select(2, upper) + self.from_ray(_around(rays, ASIDE)))
         x = functional.relu(self.mix(functional.relu(self.beside(x))))
         return self._answer(self.last(x).float(), rays, candidates)
@@ -151,11 +154,14 @@ class _Up(nn.Module):
 
     def __init__(self, channels_in: int, channels_out: int) -> None:
         super().__init__()
+        self.channels = [channels_in, channels_out]
         self.join = nn.Conv2d(channels_in + channels_out, channels_out, 1)
         self.block = _Block(channels_out)
 
     def forward(self, x: Tensor, finer: Tensor) -> Tensor:
-        y: Tensor = self.block(functional.relu(self.join(torch.cat([_twice(x), finer], dim=1))))
+        of_coarse, of_fine = self.join.weight.split(self.channels, dim=1)  # x before it is repeated: half the work
+        coarse = _twice(functional.conv2d(x, of_coarse))
+        y: Tensor = self.block(functional.relu(functional.conv2d(finer, of_fine, self.join.bias) + coarse))
         return y
 
 

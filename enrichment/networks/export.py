@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from enrichment.lift import channels
-from enrichment.lift.network import Lift, sizes_of
+from enrichment.lift.network import ASIDE, Lift, sizes_of
 from enrichment.networks.depth_network import DepthNetwork
 from slam.data.atomic import written_beside
 from slam.data.errors import InputError
@@ -22,14 +23,15 @@ OPSET = 18
 EXAMPLE = 37, 50  # height and width for tracing; both stay dynamic
 FREE = {2: "height", 3: "width"}
 LIFT_EXAMPLE = 5, 7, 96  # rings, rows and columns of Lift for tracing; all stay dynamic
+RAY_INPUTS, ANSWERS = ("between", "upper", "rays", "candidates"), ["ranges", "scale", "valid"]
 
 
 def export(network: DepthNetwork, folder: Path, name: str, scale: float = 1.0) -> None:
     """Write a depth completion network as NAME.onnx and NAME.safetensors.
 
     The ONNX file maps `image` (1, 3, H, W) and `depth` (1, 1, H, W) to `dense` (1, 1, H, W) as `DepthNetwork.forward`,
-    for any H and W. A network that does not use the image has no such input. The metadata of both files contain
-    `scale` and those of `write`.
+    for any H and W. A network that does not use the image has no such input. The metadata of both files are `scale`
+    and those of `write_weights`.
 
     Args:
         network: The trained network.
@@ -41,75 +43,87 @@ def export(network: DepthNetwork, folder: Path, name: str, scale: float = 1.0) -
         InputError: The files cannot be written.
     """
     given = {"image": torch.rand(1, 3, *EXAMPLE), "depth": torch.rand(1, 1, *EXAMPLE)}
-    write(network, folder, name, {"scale": repr(scale)}, given, ["dense"], dict.fromkeys([*given, "dense"], FREE))
+    about = write_weights(network, folder, name, {"scale": repr(scale)})
+    axes = dict.fromkeys([*given, "dense"], FREE)
+    write_graph(network, folder / f"{name}.onnx", about, given, ["dense"], axes)
 
 
 def export_lift(network: Lift, folder: Path, name: str = "lift") -> None:
-    """Write Lift as NAME.onnx and NAME.safetensors.
+    """Write Lift as NAME.onnx, NAME_rays.onnx and NAME.safetensors.
 
-    The ONNX file maps `rings`, `upper`, `rays` and `candidates` to `ranges`, `scale` and `valid` as `Lift.forward`, for
-    any number of rings, rows and columns (a multiple of 8).
+    NAME.onnx maps `rings` to `between` as `Lift.between`, and NAME_rays.onnx maps `between`, `upper`, `rays` and
+    `candidates` to `ranges`, `scale` and `valid` as `Lift.along_rays`, for any number of rings, rows and columns (a
+    multiple of 8). The second can thus run on a few rows at a time.
 
     Raises:
         InputError: The files cannot be written.
     """
     rings, rows, columns = LIFT_EXAMPLE
-    given = {
-        "rings": torch.rand(1, channels.RINGS, rings, columns),
-        "upper": torch.arange(rows) % (rings - 1),
-        "rays": torch.rand(1, channels.RAYS, rows, columns),
-        "candidates": torch.rand(1, channels.CANDIDATES, rows, columns),
-    }
+    hidden = network.sizes.hidden
+    images = {"rings": (channels.RINGS, rings, columns), "between": (hidden, rings - 1, columns + 2 * ASIDE)}
+    images |= {"rays": (channels.RAYS, rows, columns), "candidates": (channels.CANDIDATES, rows, columns)}
+    given = {key: torch.rand(1, *shape) for key, shape in images.items()}
+    given["upper"] = torch.arange(rows) % (rings - 1)
     free = {2: "rows", 3: "columns"}
-    answers = ["ranges", "scale", "valid"]
-    axes = {"rings": {2: "rings", 3: "columns"}, "upper": {0: "rows"}, "rays": free, "candidates": free}
-    axes |= {name: {1: "rows", 2: "columns"} for name in answers}
-    write(_Answers(network).train(network.training), folder, name, {}, given, answers, axes)
+    axes = {"rings": {2: "rings", 3: "columns"}, "between": {2: "gaps", 3: "more columns"}, "upper": {0: "rows"}}
+    axes |= {"rays": free, "candidates": free}
+    axes |= {answer: {1: "rows", 2: "columns"} for answer in ANSWERS}
+    about = write_weights(network, folder, name, {})
+
+    def along_rays(*given: Tensor) -> tuple[Tensor, ...]:
+        return network.along_rays(*given)[: len(ANSWERS)]  # without the logits, which only training needs
+
+    parts = (("", network.between, ("rings",), ["between"]), ("_rays", along_rays, RAY_INPUTS, ANSWERS))
+    for suffix, part, inputs, answers in parts:
+        own = {key: axes[key] for key in (*inputs, *answers)}
+        path, examples = folder / f"{name}{suffix}.onnx", {key: given[key] for key in inputs}
+        write_graph(_Part(network, part).train(network.training), path, about, examples, answers, own)
 
 
-class _Answers(nn.Module):
-    """Lift without the logits of its candidates, which only training needs."""
+class _Part(nn.Module):
+    """A part of Lift as a network of its own."""
 
-    def __init__(self, network: Lift) -> None:
+    def __init__(self, network: Lift, part: Callable[..., Tensor | tuple[Tensor, ...]]) -> None:
         super().__init__()
-        self.network = network
+        self.network, self.part = network, part
 
-    def forward(self, rings: Tensor, upper: Tensor, rays: Tensor, candidates: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        ranges, scale, valid, _ = self.network(rings, upper, rays, candidates)
-        return ranges, scale, valid
+    def forward(self, *given: Tensor) -> Tensor | tuple[Tensor, ...]:
+        return self.part(*given)
 
 
-def write(
+def write_weights(network: nn.Module, folder: Path, name: str, about: dict[str, str]) -> dict[str, str]:
+    """Write NAME.safetensors, and return its metadata: `about`, the network's name and the number of its parameters.
+
+    Weights of convolutions are stored in half precision, and the network is rounded to the stored values, so that all
+    files and the network itself give the same depth. Computations are in single precision.
+    """
+    _round(network)
+    about = {"network": name, "parameters": str(sum(values.numel() for values in network.parameters())), **about}
+    state = {key: value.detach().cpu() for key, value in network.state_dict().items()}
+    with written_beside(folder / f"{name}.safetensors") as temporary:
+        save_file({key: _stored(value.contiguous()) for key, value in state.items()}, temporary, about)
+    return about
+
+
+def write_graph(
     network: nn.Module,
-    folder: Path,
-    name: str,
+    path: Path,
     about: dict[str, str],
     given: dict[str, Tensor],
     answers: list[str],
     axes: dict[str, dict[int, str]],
 ) -> None:
-    """Write NAME.onnx and NAME.safetensors in evaluation mode, without dropout.
-
-    The metadata of both are `about`, the network's name and the number of its parameters. Weights of convolutions are
-    stored in half precision, and the network is rounded to the stored values, so that both files and the network itself
-    give the same depth. Computations are in single precision.
+    """Write a network whose weights are rounded as ONNX, in evaluation mode, without dropout.
 
     Args:
-        network: The trained network; its weights are rounded.
-        folder: Folder of the files.
-        name: Name of the files.
+        network: The network.
+        path: The file.
         about: Metadata.
         given: Example inputs by name.
         answers: Names of the outputs.
         axes: Dynamic axes of inputs and outputs.
     """
-    _round(network)
-    parameters = sum(values.numel() for values in network.parameters())
-    about = {"network": name, "parameters": str(parameters), **about}
-    state = {key.removeprefix("network."): value.detach().cpu() for key, value in network.state_dict().items()}
-    with written_beside(folder / f"{name}.safetensors") as temporary:
-        save_file({key: _stored(value.contiguous()) for key, value in state.items()}, temporary, about)
-    with written_beside(folder / f"{name}.onnx") as temporary:
+    with written_beside(path) as temporary:
         _write_onnx(network, temporary, given, answers, axes)
         model = onnx.load(temporary)
         _halve(model.graph)

@@ -119,7 +119,7 @@ class LiftTask:
         return error.abs().mean(), error.square().mean().sqrt()
 
     def export(self, network: nn.Module, folder: Path, name: str) -> None:
-        """Write NAME.onnx and NAME.safetensors."""
+        """Write NAME.onnx, NAME_rays.onnx and NAME.safetensors."""
         assert isinstance(network, Lift)
         export_lift(network, folder, name)
 

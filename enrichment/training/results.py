@@ -8,7 +8,7 @@ from slam.data.atomic import write_text
 
 
 def write_results(training: Training, command: str) -> Figures | None:
-    """Write the best weights as MODEL.onnx and MODEL.safetensors, and the model card MODEL.md with the command.
+    """Write the best weights as MODEL*.onnx and MODEL.safetensors, and the model card MODEL.md with the command.
 
     Returns:
         The validation of these weights, None without one.

@@ -48,7 +48,7 @@ class Task(Protocol):
         """Compute MAE and RMSE [m] of a batch of one example, where the input does not contain the target."""
 
     def export(self, network: nn.Module, folder: Path, name: str) -> None:
-        """Write NAME.onnx and NAME.safetensors.
+        """Write NAME.onnx, with more such files if the network has several parts, and NAME.safetensors.
 
         Raises:
             InputError: The files cannot be written.

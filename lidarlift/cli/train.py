@@ -195,7 +195,8 @@ def _train(plan: Plan, task: Task, options: TrainingOptions) -> None:
     if is_first_process():
         best = write_results(training, _command())
         print(_summary(plan, best))
-        print(f"Written to {options.out}: {plan.model}.onnx, {plan.model}.safetensors, {plan.model}.md")
+        graphs = sorted(path.name for path in options.out.glob(f"{plan.model}*.onnx"))
+        print(f"Written to {options.out}: {', '.join(graphs)}, {plan.model}.safetensors, {plan.model}.md")
 
 
 def _command() -> str:

@@ -60,8 +60,12 @@ def test_lift_onnx_agrees_with_torch() -> None:
     network = load_lift(WEIGHTS / "lift.safetensors")  # type: ignore[arg-type]
     with torch.no_grad():
         expected = network(rings, upper, rays, candidates)
-    session = onnxruntime.InferenceSession((WEIGHTS / "lift.onnx").read_bytes())
-    given = {"rings": rings, "upper": upper, "rays": rays, "candidates": candidates}
-    ranges, scale, _ = session.run(None, {name: values.numpy() for name, values in given.items()})
+    over_rings, along_rays = (
+        onnxruntime.InferenceSession((WEIGHTS / f"{name}.onnx").read_bytes()) for name in ("lift", "lift_rays")
+    )
+    (between,) = over_rings.run(None, {"rings": rings.numpy()})
+    given = {"upper": upper, "rays": rays, "candidates": candidates}
+    known = {"between": between} | {name: values.numpy() for name, values in given.items()}
+    ranges, scale, _ = along_rays.run(None, known)
     np.testing.assert_allclose(ranges, expected.ranges.numpy(), rtol=0, atol=1e-3)
     np.testing.assert_allclose(scale, expected.scale.numpy(), rtol=1e-3, atol=1e-3)

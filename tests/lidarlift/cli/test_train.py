@@ -77,7 +77,9 @@ def test_lift_is_trained_and_fine_tuned_on_the_rings_of_a_lidar(lidarlift: Comma
     first = lidarlift("train", "lift", seen, "--validate", seen, "--out", "t", "--steps", 2, "--batch", 1)
     assert first.code == 0, first.err
     assert "lift: 2 steps, best validation after 2: MAE" in first.out
-    assert {path.name for path in Path("t").iterdir()} >= {"lift.onnx", "lift.safetensors", "lift.md", "logs"}
+    assert {path.name for path in Path("t").iterdir()} >= {
+        "lift.onnx", "lift_rays.onnx", "lift.safetensors", "lift.md", "logs"
+    }  # fmt: skip
     card = Path("t/lift.md").read_text()
     assert "| training | 8 |" in card
     assert "most often every 4th of 64" in card
