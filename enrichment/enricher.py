@@ -81,7 +81,9 @@ class Enricher:
         def measured_history() -> History:
             return [(self._as_measured(then), T_now_then) for then, T_now_then in history if then.ring is not None]
 
-        scan = SparseScan(cloud, self.lines, self.rings, frame.read_image, frame.calibration, columns, measured_history)
+        scan = SparseScan(
+            cloud, self.lines, self.rings, lambda: frame.image, frame.calibration, columns, measured_history
+        )
         between = (scan.rows_above(self.target) >= 0).any()
         return self._merge(scan, grid, self.method(scan, grid) if between else Prediction.empty(grid.shape))
 

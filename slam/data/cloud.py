@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -149,15 +150,15 @@ class Frame:
     problems: tuple[Problem, ...] = ()
     others: tuple[View, ...] = ()
 
-    @property
+    @cached_property
     def image(self) -> Array | None:
-        """Image (H, W, 3) uint8 RGB, read on access; None if the data set has no image for this scan."""
+        """Image (H, W, 3) uint8 RGB, read on first access; None if the data set has no image for this scan."""
         return self.read_image()
 
     @property
     def views(self) -> tuple[View, ...]:
         """All cameras whose calibration is known, the one that looks ahead first."""
-        ahead = () if self.calibration is None else (View(self.calibration, self.read_image),)
+        ahead = () if self.calibration is None else (View(self.calibration, lambda: self.image),)
         return (*ahead, *self.others)
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slam.data.camera import project, visible, with_colour, with_colours
-from slam.data.cloud import Array, Calibration, PointCloud, View
+from slam.data.cloud import Array, Calibration, Frame, PointCloud, View
 
 # A camera 0.2 m before and 0.1 m below the LiDAR, looking ahead.
 LOOKING_AHEAD = np.array([[0, -1, 0, 0.0], [0, 0, -1, -0.1], [1, 0, 0, -0.2], [0, 0, 0, 1.0]])
@@ -165,3 +165,18 @@ def test_each_point_has_the_colour_of_the_first_camera_that_saw_it() -> None:
     assert colour is not None
     assert colour.tolist() == [[200, 0, 0], [0, 0, 200], [0, 0, 0]]
     assert with_colours(points, [View(CALIBRATION, lambda: None)]).colour is None
+
+
+def test_the_image_of_a_frame_is_read_once() -> None:
+    read = []
+
+    def image() -> Array:
+        read.append(1)
+        return np.full((*SHAPE, 3), 7, np.uint8)
+
+    frame = Frame(0, 0.0, cloud((5, 0, 0)), CALIBRATION, image)
+    assert frame.image is frame.image is frame.views[0].read_image()
+    colour = with_colours(frame.cloud, frame.views).colour
+    assert colour is not None
+    assert colour.tolist() == [[7, 7, 7]]
+    assert len(read) == 1
