@@ -17,6 +17,7 @@ MAX_TRANSLATIONS, MAX_YAWS = 12, 3  # initial guesses that are followed, those w
 SOME_POINTS = 1_000  # of a scan, all over it, about: enough to compare and follow the guesses
 MIN_RELATIVE_SCORE = 0.5  # of a pose to which a guess led, to the best one; below it is not registered
 MAX_REGISTRATIONS = 5  # of a dense scan
+MAX_CLIMB = 1.0  # of a pose in place of a registration, to the finest cells: walls fit a storey above and below, too
 DISTINCT = 0.4  # distance between two different motions, relative to the finest cells
 
 
@@ -35,11 +36,15 @@ def search(
         points: The scan.
         centres: Poses (4, 4) around which to search.
         radius: Distance [m] from these up to which initial guesses lie.
-        found: A registration that is kept unless another has more than `needed` times its evidence.
+        found: The registration from the first of `centres`, for which it was predicted. It is kept unless another has
+            more than `needed` times its evidence, at about the predicted height.
         needed: See `found`.
     """
     step = max(1, len(points[0]) // SOME_POINTS)
     candidates = registrations(target, points, centres, radius, step)
+    if found:
+        most = MAX_CLIMB * target.convergence_radius
+        candidates = [each for each in candidates if _climb(centres[0], each.pose) < most] or [found]
     score = target.scorer(*points, centres[0])
     best = max(candidates, key=lambda candidate: score(candidate.pose))
     return found if found and score(best.pose) <= needed * score(found.pose) else best
@@ -83,6 +88,11 @@ def _guesses(centres: list[Array], radius: float) -> tuple[list[Array], list[Arr
                 offset[:2, 3] = distance * np.cos(heading), distance * np.sin(heading)
                 translations.append(centre @ offset)
     return translations, yaws
+
+
+def _climb(predicted: Array, pose: Array) -> float:
+    """Distance [m] of a position from the sensor's predicted horizontal plane, in which the guesses lie."""
+    return abs(float(predicted[:3, 2] @ (pose - predicted)[:3, 3]))
 
 
 def non_maximum_suppression(poses: list[Array], distance: float) -> list[Array]:

@@ -25,6 +25,7 @@ from slam.registration.voxels import VoxelFilter
 from slam.settings import OdometrySettings
 
 MAX_POINTS = 40_000  # of a downsampled scan for registration; more: points all over the place
+FEW_POINTS = 500  # of one, as on narrow stairs, where a dozen then decide the height; fewer: the map's are registered
 MIN_POINTS = 50  # of a downsampled scan for registration; fewer: an empty or almost empty file
 MIN_INTERVAL = 0.2  # sweeps between two stamps; a shorter interval is an error of the stamps
 GAP = 5.0  # sweeps between two stamps, after which registration starts with a search around the prediction
@@ -168,9 +169,10 @@ class Track:
             return Prepared((cloud, correction), some, NO_POINTS, NO_POINTS, None)
         xyz, weight, time = self._map_filter(cloud.xyz, self._weights(cloud), cloud.time)
         map_points = correction.points(xyz, None if cloud.time is None else time), weight
-        xyz, weight, time = (
-            values[:: max(1, len(values) // MAX_POINTS)] for values in self._registration_filter(*map_points, time)
-        )
+        thinned = self._registration_filter(*map_points, time)
+        if len(thinned[0]) < FEW_POINTS and self.settings.voxel_size is None:
+            thinned = (*map_points, time)
+        xyz, weight, time = (values[:: max(1, len(values) // MAX_POINTS)] for values in thinned)
         return Prepared((cloud, correction), some, map_points, (xyz, weight), None if cloud.time is None else time)
 
     def _update(self, step: OdometryStep, prepared: Prepared, stamp: float) -> OdometryStep:

@@ -353,3 +353,20 @@ def test_other_sizes_track_the_sequence(rings: int, factor: float) -> None:
     steps = drive("street", rings, evenly(30), settings=OdometrySettings.model_validate(scaled))
     assert "failed" not in [step.status for step in steps]
     assert np.abs(off(steps, evenly(30))[:, :2]).max() < 0.1
+
+
+@pytest.mark.parametrize(("chosen", "few"), [(None, False), (0.6, True)])
+def test_in_a_narrow_place_the_points_of_the_map_are_registered(
+    monkeypatch: pytest.MonkeyPatch, chosen: float | None, few: bool
+) -> None:
+    counts, align = list[int](), NdtTarget.align
+
+    def counted(self: NdtTarget, xyz: Array, *arguments: Array) -> RegistrationResult:
+        counts.append(len(xyz))
+        return align(self, xyz, *arguments)
+
+    monkeypatch.setattr(NdtTarget, "align", counted)
+    odometry = Odometry(OdometrySettings(voxel_size=chosen))
+    for number in range(3):
+        odometry.register(scan("corridor", 16, 0.0, number), 0.1 * number)
+    assert (counts[-1] < 500) == few
