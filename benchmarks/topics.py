@@ -123,6 +123,7 @@ TOPICS = (
     Topic("odometry.paper_chain", (*KITTI, "--town", "{loop}"), 20),
     Topic("odometry.disturbed", (*DISTURBED, "repeated"), 60),
     Topic("odometry.observability", OBSERVED, 60),
+    Topic("odometry.starts", ("traffic", "motorway", "bridge", "lorries"), 20, ("kiss_icp",)),
     Topic("odometry.scenes", (*SCENES, *INPUTS), 600, FAST_PEERS),
     Topic(
         "sensors.sensors", ("--data", "{kitti_odometry_04}/.."), 30, also=("kitti_raw_0005", "kitti_raw_0013"),

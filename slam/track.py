@@ -34,6 +34,7 @@ EVICTION_DISTANCE = 5.0  # m between two evictions of distant cells
 MAX_FAILURES = 5  # in a row, after which the map is restarted at the predicted pose
 CLEARLY_MORE = 1.1  # evidence to leave a sound registration: in the door to a room, few points decide the search
 MAX_HYPOTHESES = 5  # of the first motion
+FIRST_POINTS = 2_000  # of a scan, about, that follow the guesses of the first motion: with 1,000, more are wrong
 MAX_INITIAL_SPEED = 45.0  # m/s, of the first motion: a row of posts fits at any multiple of their spacing
 MIN_OVERLAP_RATIO, OVERLAP_WINDOW = 0.8, 10  # of a plausible registration, to the running mean; scans in the mean
 MIN_INLIER_RATIO = 0.8  # of a registration, to the running mean: at another place walls and ground fit by half
@@ -114,7 +115,8 @@ class Track:
         points = prepared.points
         if self.target is None or len(points[0]) < MIN_POINTS:
             return []
-        candidates = registrations(self.target, points, [self._pose], self.settings.search_radius)
+        every = max(1, len(points[0]) // FIRST_POINTS)
+        candidates = registrations(self.target, points, [self._pose], self.settings.search_radius, every)
         score = self.target.scorer(*points, self._pose)
         distinct = self._distinct_motions(candidates, prepared.sample, score, stamp)
         if distinct and len(self.target.unobserved(*points, distinct[0].pose, ALL_OBSERVED)) > 1:
@@ -147,17 +149,20 @@ class Track:
     def _distinct_motions(
         self, candidates: list[RegistrationResult], some: Sample, score: Callable[[Array], float], stamp: float
     ) -> list[RegistrationResult]:
-        """The valid registrations of possible motions, best first, without near duplicates."""
+        """The valid registrations of possible motions, best first, without near duplicates; none of a damaged scan.
+
+        One of them must agree with the first scan, not each: in traffic, vehicles that keep their distance agree with
+        standing still, and contradict the true motion.
+        """
         assert self.target is not None
         min_distance, max_distance = DISTINCT * self.target.convergence_radius, MAX_INITIAL_SPEED * self._elapsed(stamp)
         distinct: list[RegistrationResult] = []
         for found in sorted(candidates, key=lambda result: score(result.pose), reverse=True):
             duplicate = any(_distance(other.pose, found.pose) < min_distance for other in distinct)
             possible = _distance(self._pose, found.pose) < max_distance
-            sound = self._is_valid(found, ALL_OBSERVED) and self._agrees(some, found, stamp)
-            if possible and not duplicate and sound:
+            if possible and not duplicate and self._is_valid(found, ALL_OBSERVED):
                 distinct.append(found)
-        return distinct
+        return distinct if any(self._agrees(some, found, stamp) for found in distinct) else []
 
     def _preprocess(self, cloud: PointCloud) -> Prepared:
         """Downsample and correct a scan."""

@@ -111,3 +111,23 @@ def test_the_change_of_the_ranges_does_not_depend_on_the_number_of_points() -> N
     points = np.array([[1.0, 0, 0], [6.0, 0, 0], [30.0, 0, 0], [90.0, 0, 0]])
     assert range_change(range_shares(points), range_shares(np.tile(points, (5, 1)))) == 0
     assert range_change(range_shares(points), range_shares(points[:2])) == pytest.approx(0.5)
+
+
+def vehicles(x: float) -> list[tuple[Array, Array]]:
+    """The sides of lorries around a car at x, which drive as fast as it does."""
+    sides = []
+    for ahead, left in ((12.0, -1.2), (-16.0, -1.2), (3.0, 3.2), (-9.0, 3.4), (16.0, 3.3)):
+        a, b, c, d = (
+            np.array([x + ahead + along, left + across]) for along, across in ((0, 0), (6, 0), (6, 2.4), (0, 2.4))
+        )
+        sides += [(a, b), (b, c), (c, d), (d, a)]
+    return sides
+
+
+def test_vehicles_that_keep_their_distance_do_not_refute_the_motion(town: list[tuple[Array, Array]]) -> None:
+    """They stand where the scan before looked through, unless the car stood still."""
+    odometry, rng = Odometry(load_config().odometry), np.random.default_rng(5)
+    places = 1.0 * np.arange(FRAMES)
+    for number, x in enumerate(places):
+        pose = odometry.register(scan(town + vehicles(x), x, rng), 0.1 * number).pose
+    assert pose[0, 3] == pytest.approx(places[-1], abs=0.2)
