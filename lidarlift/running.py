@@ -86,7 +86,11 @@ def run(
     settings = settings_for(ring_count(data), input, enricher, config, overrides)
     poses = None if odometry is None else Path(odometry)
     task = _Task(data, settings, frames, poses, strict, reporter or Quiet(), observer=observer)
-    return task.run(task.recorded()) if out is None else task.run_into(Path(out), resume)[0]
+    if out is not None:
+        return task.run_into(Path(out), resume)[0]
+    recorded = task.recorded()
+    task.compile()
+    return task.run(recorded)
 
 
 def run_into(
@@ -165,6 +169,12 @@ class _Task:
 
         return RecordedOdometry(self.odometry, len(self.data), self.data.calibration) if self.odometry else None
 
+    def compile(self) -> None:
+        """Load the kernels of the odometry or compile them; in two processes, so those of the reading come later."""
+        from slam.compilation import compile_odometry
+
+        compile_odometry(self.settings, lambda: self.reporter.note(COMPILING))
+
     def run(
         self,
         recorded: RecordedOdometry | None,
@@ -174,14 +184,13 @@ class _Task:
         kept: KeptScan | None = None,
     ) -> Run:
         from lidarlift.camera_check import camera_problems
-        from slam.compilation import compile_odometry, compiling_mapping
+        from slam.compilation import compiling_mapping
         from slam.data.dataset import ring_count
         from slam.pipeline import Pipeline
 
         make_front_end = front_end_maker(
             self.settings.front_end, self.data.sensor, self.data.path, ring_count(self.data)
         )
-        compile_odometry(self.settings, lambda: self.reporter.note(COMPILING))
         with compiling_mapping(self.settings), self.reporter.progress(self.title, self.total) as advance:
             around = kept.around if kept else lambda front_end: front_end
             result = Pipeline(self.settings, lambda: around(make_front_end())).run(
@@ -218,6 +227,7 @@ class _Task:
         require_writable(folder)
         require_no_links(folder, (FIGURES, SESSION, UNFINISHED))
         recorded = self.recorded()
+        self.compile()
         about = identity(self.data, chosen_positions(self.data, self.frames), self.settings, recorded)
 
         def save_partial(run: Run) -> None:
