@@ -26,8 +26,7 @@ def page(found: Mapping[str, Any]) -> str:
 
 * Odometry alone, up to {about["frames"]} frames. `full`: all rings. `plain`: the rings in the column *rings*. Enriched:
   these by ray segments, all trusted predictions, or half of them, with the smallest sigma relative to their range
-  (`front_end.coverage=0.5`). The half was measured in a second run, on the same frames from the first one on, to
-  0.1 mm; plain scans gave the same figures in both.
+  (`front_end.coverage=0.5`).
 * ATE against the exact ground truth of simulated sequences; on KITTI odometry 04 against KITTI's, whose own error is a
   centimetre or two. Distance to `full`: rmse of positions after alignment; for a LiDAR whose rings are all used there
   is none. KITTI raw has no ground truth of this accuracy.
