@@ -31,6 +31,7 @@ from slam.data import se3
 from slam.data.cloud import Array
 from slam.data.dataset import Dataset
 from slam.data.errors import InputError
+from slam.data.machine import usable_cores
 from slam.front_end import RingFrontEnd
 from slam.pipeline import Pipeline
 
@@ -104,7 +105,7 @@ def main() -> None:
             rows += sorted((case | system(data, channels) for system in systems), key=lambda row: str(row["system"]))
             systems.reverse()  # who begins changes from case to case
             print(*rows[-2:], sep="\n", file=sys.stderr)
-    about = surroundings(("numpy", "numba", "gtsam"))
+    about = surroundings(("numpy", "numba", "gtsam")) | {"usable_cores": usable_cores()}
     write_results(options.results, "kiss_slam", {"about": about, "drives": rows}, page)
 
 
@@ -160,6 +161,7 @@ def page(found: Mapping[str, Any]) -> str:
     """A note of `found` says what else there is to know of these figures."""
     about, rows = found["about"], found["drives"]
     note = f"\n* {about['note']}" if "note" in about else ""
+    cores = "one core" if about["usable_cores"] == 1 else f"{about['usable_cores']} cores"
     own = {(row["drive"], row["channels"]): row["seconds"] for row in rows if row["system"] == "lidarlift"}
     lines = [
         (
@@ -185,8 +187,8 @@ def page(found: Mapping[str, Any]) -> str:
 * Loops: KISS-SLAM searches one per local map, lidarlift one per keyframe, so that the numbers are not comparable.
   Wrong: loops with an error above {WRONG:g} m.
 * Seconds: a whole run, including the reading of scans; lidarlift also builds the map. The systems alternate on the same
-  machine, one run each, with as many threads as they choose; the machine is shared with other programs, so that only
-  ratios count, and these roughly: "x lidarlift" is the time relative to lidarlift's.{note}
+  machine, one run each, bound to {cores}; the machine is shared with other programs, so that only ratios count, and
+  these roughly: "x lidarlift" is the time relative to lidarlift's.{note}
 
 {table(HEADER, lines, words=2)}"""
 
