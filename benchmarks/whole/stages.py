@@ -3,8 +3,8 @@
     python -m benchmarks.whole.stages BEFORE AFTER SEQUENCE [SEQUENCE ...]
 
 BEFORE and AFTER are the commands lidarlift of two environments, .venv/bin/lidarlift for instance. Their runs alternate,
-pinned to one core. Where py-spy is installed, a further run of AFTER is sampled, and the page has the shares of the
-packages. Writes stages.md and .json in benchmarks/results. Linux only.
+pinned to one core. Where py-spy is installed, a further run of AFTER is sampled, and the page has the shares of its
+parts. Writes stages.md and .json in benchmarks/results. Linux only.
 """
 
 from __future__ import annotations
@@ -32,8 +32,27 @@ from eval.text import number
 MEASURES = {"processor_s": "processor time s", "wall_s": "wall time s", "memory_mb": "peak memory MB"}
 VERSIONS = ("before", "after")
 STAGES = ("load", "front_end", "odometry", "waiting", "map", "loops", "back_end")
-PACKAGES = ("slam", "enrichment", "eval", "lidarlift", "matplotlib", "numba", "scipy", "numpy", "importlib", "PIL")
-LEAST_SHARE = 0.01  # of the samples: below it a function is not on the page
+#: Parts of a run, by a piece of a frame of their stacks.
+PARTS = {
+    "imports": "<module>",
+    "kernels from the cache": "(numba/core/",
+    "reading": "__getitem__ (slam/data/",
+    "enrichment": "(enrichment/",
+    "odometry": "register (slam/odometry.py",
+    "keyframes": "(slam/gathering.py",
+    "loops": "(slam/loops/",
+    "graph": "(slam/graph/",
+    "map": "build_map",
+    "session": "(slam/journal/",
+    "camera check": "camera_problems",
+    "metrics": "evaluate_run",
+    "map.png": "map_png",
+    "trajectory.png": "plot_run",
+    "report": "report_run",
+}
+OUTERMOST = "(lidarlift/__main__.py"  # has a <module>, too
+IDLE = ("wait (threading.py", "get (queue.py", "_worker (concurrent/futures/")
+LEAST_SHARE = 0.01  # of the samples: below it a part is not on the page
 
 
 def main() -> None:
@@ -61,7 +80,7 @@ def main() -> None:
 
 
 def samples(program: Path, sequence: Path, input: str, frames: str) -> dict[str, float]:
-    """Run a sequence under py-spy, and return the shares of the packages, see `shares`."""
+    """Run a sequence under py-spy, and return the shares of its parts, see `shares`."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "stacks.txt"
         sampler = ("py-spy", "record", "--format", "raw", "--rate", "50", "--nonblocking", "--output", str(file), "--")
@@ -70,24 +89,25 @@ def samples(program: Path, sequence: Path, input: str, frames: str) -> dict[str,
 
 
 def shares(stacks: str) -> dict[str, float]:
-    """Return the share of each of PACKAGES in stacks as py-spy writes them: frames by semicolons, a space, a count.
+    """Return the share of each of PARTS in stacks as py-spy writes them: frames by semicolons, a space, a count.
 
-    A sample counts for the innermost of its frames that is in one of the packages.
+    A sample counts for the innermost of its frames that is of a part; those of threads that wait do not count.
     """
     counts: Counter[str] = Counter()
     for line in stacks.splitlines():
-        frames, _, times = line.rpartition(" ")
-        counts[_package(frames.split(";"))] += int(times)
+        stack, _, times = line.rpartition(" ")
+        frames = stack.split(";")
+        if not any(idle in frames[-1] for idle in IDLE):
+            counts[_part(frames)] += int(times)
     total = counts.total()
     return {name: count / total for name, count in counts.most_common() if count >= LEAST_SHARE * total}
 
 
-def _package(frames: list[str]) -> str:
+def _part(frames: list[str]) -> str:
     for frame in reversed(frames):
-        place = frame.partition("(")[2]
-        for package in PACKAGES:
-            if f"{package}/" in place or f"{package}." in place:
-                return package
+        for part, piece in PARTS.items():
+            if piece in frame and OUTERMOST not in frame:
+                return part
     return "other"
 
 
@@ -106,7 +126,8 @@ def page(found: Mapping[str, Any]) -> str:
         for input, pair in inputs.items()
         if pair["shares"]
     ]
-    spied = f"\n## Samples of py-spy\n\n{table(('sequence', 'input', 'shares'), shared, words=3)}" if shared else ""
+    title = "Parts of this version's run, shares of py-spy's samples"
+    spied = f"\n## {title}\n\n{table(('sequence', 'input', 'shares'), shared, words=3)}" if shared else ""
     return f"""# Stages of a whole run
 
 {about["date"]}, {about["cpu"]}, {about["cores"]} cores, load {about["load_average"]} at the beginning.
