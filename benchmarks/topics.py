@@ -124,6 +124,10 @@ TOPICS = (
     Topic("odometry.disturbed", (*DISTURBED, "repeated"), 60),
     Topic("odometry.observability", OBSERVED, 60),
     Topic("odometry.starts", ("traffic", "motorway", "bridge", "lorries"), 20, ("kiss_icp",)),
+    Topic(
+        "odometry.turns", ("{kitti_raw_0013}", "{kitti_raw_0005}", "loop", "motorway", "building-vlp16"), 30,
+        ("kiss_icp",),
+    ),
     Topic("odometry.scenes", (*SCENES, *INPUTS), 600, FAST_PEERS),
     Topic(
         "sensors.sensors", ("--data", "{kitti_odometry_04}/.."), 30, also=("kitti_raw_0005", "kitti_raw_0013"),

@@ -40,6 +40,9 @@ MIN_OVERLAP_RATIO, OVERLAP_WINDOW = 0.8, 10  # of a plausible registration, to t
 MIN_INLIER_RATIO = 0.8  # of a registration, to the running mean: at another place walls and ground fit by half
 MIN_YOUNG_RATIO = 0.7  # the same of the first scans
 SURE_INLIER_RATIO = 0.9  # the same, above which the points that fit are evidence
+MIN_UPRIGHT_RATIO = (
+    0.75  # the same of points on upright surfaces: at right poses 0.85 to 1.1, at wrong ones 0.2 to 0.65
+)
 MAX_CONFLICTS = 0.02  # share of points in space that another scan looked through; sound: 0.000 to 0.015, by traffic
 MAX_SURE_CONFLICTS = 0.05  # the same if the points fit, but fewer meet the map; sound: up to 0.021, on a motorway
 RELATIVE_VARIANCE_FACTOR = 2  # both poses of a motion have a registration error
@@ -79,7 +82,7 @@ class Track:
         self._velocity_changes = np.zeros((6, 6))  # running mean of d d^T for the changes d from scan to scan
         self._registered = self._failures = 0
         self._deviations = self._squared_deviations = self._mean_overlap = 0.0
-        self._mean_inliers = 0.0
+        self._mean_inliers = self._mean_upright_inliers = 0.0
         self._unobserved, self._unobserved_for = np.zeros((0, 3)), 0.0  # in the map's axes; s
         self._last_eviction = np.zeros(3)
         self._last = LastScan()
@@ -232,12 +235,15 @@ class Track:
             found = search(target, points, centres, self.settings.search_radius)
             prediction = min(centres, key=lambda centre: _distance(centre, found.pose))
         else:
-            found = target.align(*points, prediction, _unobserved_twists(self._unobserved))
+            locked = _unobserved_twists(self._unobserved)
+            found = target.align(*points, prediction, locked)
+            if not found.converged:  # as after an abrupt turn: more iterations are a fraction of a search
+                found = target.align(*points, found.pose, locked)
         lost = target.unobserved(*points, found.pose, self._unobserved)
         if len(lost):
             steady_pose = prediction if gap else self._steady_prediction(prediction, lost, stamp)
             found = target.align(*points, steady_pose, _unobserved_twists(lost))
-        elif self._registered > 1 and not gap and not self._is_plausible(prediction, found):
+        elif self._registered > 1 and not gap and not self._is_plausible(target, prediction, found):
             sound = found.converged and self._is_valid(found, ALL_OBSERVED)
             needed = CLEARLY_MORE if sound else 1.0
             found = search(target, points, [prediction], self.settings.search_radius, found, needed)
@@ -265,15 +271,25 @@ class Track:
         steady_pose[:3, 3] += lost.T @ (lost @ change)
         return steady_pose
 
-    def _is_plausible(self, prediction: Array, found: RegistrationResult) -> bool:
-        """Whether a registration converged near the prediction with about the overlap of the last scans.
+    def _is_plausible(self, target: Target, prediction: Array, found: RegistrationResult) -> bool:
+        """Whether a registration converged near the prediction, with about the overlap of the last scans, and fits.
 
-        After an abrupt turn, ground and walls fit at a wrong pose too, but the overlap is smaller.
+        After an abrupt turn, the ground fits at a wrong yaw too, but the walls do not; where they do, a pose at the
+        predicted place may be turned by any angle.
         """
-        if not found.converged or found.overlap < MIN_OVERLAP_RATIO * self._mean_overlap:
+        if (
+            not found.converged
+            or found.overlap < MIN_OVERLAP_RATIO * self._mean_overlap
+            or not self._upright_fit(found)
+        ):
             return False
         close = self._deviation(prediction, found.pose) < self._max_deviation()
-        return close and self._is_valid(found, ALL_OBSERVED)
+        turned = _distance(prediction, found.pose) < DISTINCT * target.convergence_radius
+        return (close or turned) and self._is_valid(found, ALL_OBSERVED)
+
+    def _upright_fit(self, found: RegistrationResult) -> bool:
+        """Whether about as many points on upright surfaces fit as in the last scans."""
+        return found.upright_inlier_ratio >= MIN_UPRIGHT_RATIO * self._mean_upright_inliers
 
     def _agrees(self, some: Sample, found: RegistrationResult, stamp: float) -> bool:
         """Whether a scan can show the scene of the last ones: not so if it is damaged, or the sensor was carried.
@@ -291,7 +307,7 @@ class Track:
             return True
         if not self._last.resembles(some):
             return False
-        few_fit = fit < SURE_INLIER_RATIO or self._registered < 2
+        few_fit = fit < SURE_INLIER_RATIO or not self._upright_fit(found) or self._registered < 2
         few_meet = found.overlap < MIN_OVERLAP_RATIO * self._mean_overlap
         if self._failures or not (few_fit or few_meet):
             return True
@@ -348,8 +364,10 @@ class Track:
             self._squared_deviations += self._deviation(self.predict(stamp), step.pose) ** 2
         if step.registration:
             scans = min(self._registered, OVERLAP_WINDOW)
-            self._mean_overlap += (step.registration.overlap - self._mean_overlap) / scans
-            self._mean_inliers += (step.registration.inlier_ratio - self._mean_inliers) / scans
+            found = step.registration
+            self._mean_overlap += (found.overlap - self._mean_overlap) / scans
+            self._mean_inliers += (found.inlier_ratio - self._mean_inliers) / scans
+            self._mean_upright_inliers += (found.upright_inlier_ratio - self._mean_upright_inliers) / scans
         motion = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose))
         if self._registered:
             velocity = motion / self._motion_duration(motion, stamp)

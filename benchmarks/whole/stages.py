@@ -50,7 +50,7 @@ PARTS = {
     "trajectory.png": "plot_run",
     "report": "report_run",
 }
-OUTERMOST = "(lidarlift/__main__.py"  # has a <module>, too
+OUTERMOST = ("(lidarlift/__main__.py", "(lidarlift:")  # of the command: these have a <module>, too
 IDLE = ("wait (threading.py", "get (queue.py", "_worker (concurrent/futures/")
 LEAST_SHARE = 0.01  # of the samples: below it a part is not on the page
 
@@ -106,7 +106,7 @@ def shares(stacks: str) -> dict[str, float]:
 def _part(frames: list[str]) -> str:
     for frame in reversed(frames):
         for part, piece in PARTS.items():
-            if piece in frame and OUTERMOST not in frame:
+            if piece in frame and not any(outermost in frame for outermost in OUTERMOST):
                 return part
     return "other"
 

@@ -15,7 +15,11 @@ JUMP = 0.25  # maximum share of the centre's motion in one step; more is a scene
 
 def centre(xyz: Array) -> Array:
     """Return the median position (2,) of points (N, 3), seen from above; NaN without points."""
-    return np.median(xyz[::EVERY, :2], axis=0) if len(xyz) else np.full(2, np.nan)
+    if not len(xyz):
+        return np.full(2, np.nan)
+    columns = np.ascontiguousarray(xyz[::EVERY, :2].T)  # np.median takes five times as long
+    middle = columns.shape[1] // 2
+    return np.partition(columns, middle, axis=1)[:, middle]
 
 
 def world_frame_problem(centres: Array, poses: Array) -> tuple[Problem, ...]:

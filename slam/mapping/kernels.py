@@ -70,19 +70,23 @@ def average_into(
     """
     coloured, latest = len(colour) > 0, np.float32(number + 1)
     keys, offsets, cells = np.empty(_BLOCK, np.int64), np.empty((_BLOCK, 3)), np.empty(_BLOCK, np.int32)
+    last, cell = np.int64(-1), np.int32(0)  # two of five successive points are in one voxel
     for begin in range(0, len(xyz), _BLOCK):
         points = min(_BLOCK, len(xyz) - begin)
         _voxels(xyz, sigma, max_sigma, pose, size, min_range, max_range, begin, keys, offsets)
         for k in range(points):
             if keys[k] < 0:
                 continue
-            slot = _find(table, cell_keys, keys[k])
-            if table[slot] == FREE:
-                table[slot] = count
-                cell_keys[count] = keys[k]
-                sums[count] = 0.0
-                count += 1
-            cells[k] = table[slot]
+            if keys[k] != last:
+                last = keys[k]
+                slot = _find(table, cell_keys, last)
+                if table[slot] == FREE:
+                    table[slot] = count
+                    cell_keys[count] = last
+                    sums[count] = 0.0
+                    count += 1
+                cell = table[slot]
+            cells[k] = cell
         for k in range(points):
             if keys[k] < 0:
                 continue

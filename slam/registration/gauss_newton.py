@@ -33,6 +33,7 @@ class Linearisation:
         gradient: Gradient (6,).
         variance: Variance of the whitened residuals.
         inlier_ratio: As in `RegistrationResult`.
+        upright_inlier_ratio: As in `RegistrationResult`, if the contributions to the gradient were asked for.
         overlap: As in `RegistrationResult`.
         score: The paper's eq. 5 divided by the number of points, 0 if it was not asked for; higher is better.
     """
@@ -41,6 +42,7 @@ class Linearisation:
     gradient: Array
     variance: float
     inlier_ratio: float
+    upright_inlier_ratio: float
     overlap: float
     score: float
 
@@ -98,6 +100,7 @@ def result(
         covariance=model.variance * _solve(H, np.eye(6)),
         sandwich=_solve(H, _solve(H, sums.T @ sums).T) + np.outer(step, step) + MIN_VARIANCE * np.eye(6),
         inlier_ratio=model.inlier_ratio,
+        upright_inlier_ratio=model.upright_inlier_ratio,
         overlap=model.overlap,
         converged=converged,
     )

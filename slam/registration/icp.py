@@ -87,7 +87,7 @@ class IcpTarget:
         paired = np.isfinite(distance)
         total = max(float(weight.sum()), 1e-9)
         if not paired.any():
-            return Linearisation(np.zeros((6, 6)), np.zeros(6), 1.0, 0.0, 0.0, 0.0)
+            return Linearisation(np.zeros((6, 6)), np.zeros(6), 1.0, 0.0, 0.0, 0.0, 0.0)
         q, w = rotated[paired], weight[paired].astype(float)
         J, r = self._residuals(q, nearest[paired], pose)
         m = np.einsum("ni,ni->n", r, r) / RESIDUAL_SIGMA**2
@@ -96,11 +96,13 @@ class IcpTarget:
         parts = np.einsum("n,nik,ni->nk", scaled, J, r, optimize=True)
         if scores is not None:
             scores[paired] = parts
+        inlier_ratio = float(w[m < INLIER_THRESHOLD].sum() / max(w.sum(), 1e-9))
         return Linearisation(
             H=np.einsum("n,nik,nil->kl", scaled, J, J, optimize=True),
             gradient=parts.sum(axis=0),
             variance=float((robust * m).sum() / max(r.shape[1] * robust.sum(), 1e-9)),
-            inlier_ratio=float(w[m < INLIER_THRESHOLD].sum() / max(w.sum(), 1e-9)),
+            inlier_ratio=inlier_ratio,
+            upright_inlier_ratio=inlier_ratio,  # points from scan to scan are not told apart by their surfaces
             overlap=float(w.sum() / total),
             score=float((w * np.exp(-m / 2)).sum() / total),
         )

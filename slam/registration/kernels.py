@@ -572,24 +572,26 @@ def normal_equations(xyz, weight, pose, size, ceiling, neighbours, kernel, table
         table: Hash table of the cells.
         cell_keys: Keys of the cells.
         gaussians: Gaussians of the cells.
-        scores: (N, 6) or empty; each point's contribution to the gradient is added to its row.
+        scores: (N, 6) or empty; each point's contribution to the gradient is added to its row, and the last two sums
+            are computed.
         scored: Whether the paper's eq. 5 is computed.
 
     Returns:
-        H (6, 6), gradient (6,), and six sums: robust weights; robust weights x m; weights of the points with a minimum
-        m below the 95 % quantile of chi^2(3); the paper's eq. 5 (weights x exp(-m / 2), best cell), if it is computed;
-        weights of the points in a cell with a Gaussian; all weights.
+        H (6, 6), gradient (6,), and eight sums: robust weights; robust weights x m; weights of the points with a
+        minimum m below the 95 % quantile of chi^2(3); the paper's eq. 5 (weights x exp(-m / 2), best cell), if it is
+        computed; weights of the points in a cell with a Gaussian; all weights; the third and the fifth sum of the
+        points whose Gaussian is not level.
     """
     cells = _cells_of(xyz, pose, size, ceiling, neighbours, table, cell_keys, gaussians)
     H = np.zeros((6, 6))
     g = np.zeros(6)
-    totals = np.zeros(6)
+    totals = np.zeros(8)
     inverse_kernel = 1.0 / (kernel * kernel)
     for i in range(len(xyz)):
         px, py, pz, w = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), np.float64(weight[i])
         qx, qy, qz = _rotated(pose, px, py, pz)
         x, y, z = qx + pose[0, 3], qy + pose[1, 3], qz + pose[2, 3]
-        best = np.inf
+        best, upright = np.inf, False
         totals[5] += w
         for n in range(neighbours):
             cell = cells[i, n]
@@ -608,6 +610,7 @@ def normal_equations(xyz, weight, pose, size, ceiling, neighbours, kernel, table
             fx, fy, fz = u * sx, u * sy, u * sz
             _add_point(H, g, u, S, qx, qy, qz, fx, fy, fz)
             if len(scores):
+                upright = upright or not _is_level(S)
                 scores[i, 0] += qy * fz - qz * fy
                 scores[i, 1] += qz * fx - qx * fz
                 scores[i, 2] += qx * fy - qy * fx
@@ -620,6 +623,9 @@ def normal_equations(xyz, weight, pose, size, ceiling, neighbours, kernel, table
                 totals[3] += w * math.exp(-0.5 * best)
             if best < INLIER_THRESHOLD:
                 totals[2] += w
+            if upright:
+                totals[6] += w if best < INLIER_THRESHOLD else 0.0
+                totals[7] += w
     for k in range(6):
         for j in range(k):
             H[k, j] = H[j, k]

@@ -18,6 +18,7 @@ from slam.registration.voxels import NO_SCORES, VoxelGaussians, hash_table
 COARSER_FACTORS = (2, 4)  # cell sizes relative to the finest, also used by a search: its poses are half a cell off
 BLOCK_FACTOR = 4  # size of a block of evidence relative to the finest cells: adjacent points are one piece of evidence
 MAX_BLOCK_WEIGHT = 0.5  # maximum weight of a block, in points
+FEW_UPRIGHT = 50.0  # points that fit, in addition to those of a scan: the share of a dozen means nothing
 MIN_LEVEL_OVERLAP = 0.28  # minimum overlap for a level to be used
 
 
@@ -200,7 +201,7 @@ class NdtTarget:
         H, gradient, totals = level.normal_equations(
             xyz, weight, pose, self.neighbours, self.kernel_scale, scores, scored
         )
-        robust, cost, inliers, score, met, total = totals
+        robust, cost, inliers, score, met, total, upright_inliers, upright = totals
         # residuals per point; their whitened variance is 1 where the Gaussians describe the points correctly
         dimensions = 1.0 if self.surfaces else 3.0
         return Linearisation(
@@ -208,6 +209,7 @@ class NdtTarget:
             gradient=gradient,
             variance=cost / max(dimensions * robust, 1e-9),
             inlier_ratio=inliers / max(met, 1e-9),
+            upright_inlier_ratio=(upright_inliers + FEW_UPRIGHT) / (upright + FEW_UPRIGHT),
             overlap=met / max(total, 1e-9),
             score=score / max(total, 1e-9),
         )

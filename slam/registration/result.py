@@ -26,6 +26,8 @@ class RegistrationResult:
             distance), as a share of the total weight.
         inlier_ratio: Share of these points with a squared Mahalanobis distance below 7.8, the 95 % quantile of
             chi^2(3).
+        upright_inlier_ratio: The same share of the points on surfaces that constrain the horizontal position more than
+            the height. At a wrong yaw the ground, most points of a street, still fits.
         converged: Whether the last step was below the thresholds within the maximum number of iterations.
     """
 
@@ -35,4 +37,5 @@ class RegistrationResult:
     sandwich: Array
     overlap: float
     inlier_ratio: float
+    upright_inlier_ratio: float
     converged: bool

@@ -221,6 +221,29 @@ def test_acceleration_during_empty_scans_is_tracked() -> None:
     assert max(errors[-5:]) < 0.3
 
 
+@pytest.mark.parametrize("degrees", [3.0, 5.0, 7.0, 9.0, 13.0, 18.0])
+def test_an_abrupt_turn_is_found_or_the_scan_fails(degrees: float) -> None:
+    """One turn from a scan to the next; in the one after it, the prediction turns as much again."""
+    odometry, truth = Odometry(settings()), [np.eye(4)]
+    for i in range(13):
+        truth.append(truth[-1] @ se3.exp(np.array([0, 0, np.deg2rad(degrees) if i == 9 else 0, SPEED, 0, 0])))
+    found = drive_with(odometry, np.array(truth))
+    right = [
+        error(step, T) < 0.05 and se3.angle(se3.inverse(T) @ step.pose) < 0.01
+        for step, T in zip(found, truth, strict=True)
+    ]
+    assert all(ok or step.status == "failed" for ok, step in zip(right, found, strict=True))
+    assert [step.status for step in found].count("failed") <= 1
+    assert right[-1]
+
+
+def test_a_small_abrupt_turn_needs_no_search() -> None:
+    odometry, truth = Odometry(settings()), [np.eye(4)]
+    for i in range(11):
+        truth.append(truth[-1] @ se3.exp(np.array([0, 0, np.deg2rad(3.0) if i == 9 else 0, SPEED, 0, 0])))
+    assert {step.status for step in drive_with(odometry, np.array(truth))} == {"registered"}
+
+
 def test_a_new_scene_is_tracked_after_the_map_is_restarted() -> None:
     """Moved to another place: the map is restarted there, at the predicted pose, and tracking continues."""
     odometry = Odometry(settings())

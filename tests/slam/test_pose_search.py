@@ -32,7 +32,9 @@ class Storeys:
 def registered(height: float) -> RegistrationResult:
     pose, one = np.eye(4), np.eye(6)
     pose[2, 3] = height
-    return RegistrationResult(pose, one, one, one, overlap=1.0, inlier_ratio=1.0, converged=True)
+    return RegistrationResult(
+        pose, one, one, one, overlap=1.0, inlier_ratio=1.0, upright_inlier_ratio=1.0, converged=True
+    )
 
 
 @pytest.mark.parametrize(("height", "reached"), [(0.5, 0.5), (3.0, 0.0), (-3.0, 0.0)])

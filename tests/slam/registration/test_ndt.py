@@ -77,6 +77,27 @@ def test_seven_neighbours_include_the_cells_across_each_face() -> None:
     assert met == {1: [1, 0, 0, 0, 0, 0, 0, 0, 0], 7: [1, 1, 1, 1, 1, 1, 1, 0, 0]}
 
 
+def street(seed: int) -> Array:
+    """Ground, mostly, and two walls along x with niches, seen from the middle."""
+    rng = np.random.default_rng(seed)
+    ground = np.column_stack([rng.uniform(-15, 15, 6000), rng.uniform(-6, 6, 6000), np.full(6000, -1.5)])
+    x = rng.uniform(-15, 15, 800)
+    wall = np.column_stack([x, np.where(np.floor(x / 3) % 2, 6.0, 7.5), rng.uniform(-1.5, 2, 800)])
+    xyz = np.concatenate([ground, wall, wall * [1, -1, 1]])
+    return np.asarray(xyz + rng.normal(0, 0.01, xyz.shape), np.float32)
+
+
+@pytest.mark.parametrize(("degrees", "fit"), [(0.0, True), (20.0, False), (-35.0, False)])
+def test_upright_surfaces_do_not_fit_at_a_wrong_yaw_and_the_ground_does(degrees: float, fit: bool) -> None:
+    target = NdtTarget(CELLS, surfaces=True, max_iterations=1)
+    target.insert(street(0), ones(street(0)), np.eye(4))
+    turned = se3.exp(np.array([0, 0, np.deg2rad(degrees), 0, 0, 0]))
+    found = target.align(street(1), ones(street(1)), turned, np.eye(6)[2:])  # no step in yaw nor in position
+    assert found.inlier_ratio > 0.8
+    assert (found.upright_inlier_ratio > 0.9) == fit
+    assert (found.upright_inlier_ratio < 0.6) != fit
+
+
 def test_score_is_maximal_at_the_true_pose(in_hall: NdtTarget, hall: Sampler) -> None:
     xyz = hall(2)
     scores = [in_hall.score(xyz, ones(xyz), se3.exp(np.array([0, 0, 0, d, 0, 0]))) for d in (0, 0.3, 0.6, -0.3, -0.6)]
