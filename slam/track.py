@@ -6,27 +6,23 @@ import copy
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
-from slam.cell_sizes import Sizes, choose_sizes
-from slam.consistency import LastScan, Sample, sample
+from slam.cell_sizes import Sizes
+from slam.consistency import LastScan, Sample
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
-from slam.data.distortion import Correction
 from slam.odometry_step import OdometryStep
 from slam.pose_search import DISTINCT, registrations, search
+from slam.preprocessing import MIN_POINTS, Prepared, Preprocessing
 from slam.registration.icp import IcpTarget
 from slam.registration.ndt import NdtTarget
 from slam.registration.result import RegistrationResult
 from slam.registration.target import Points, Target
-from slam.registration.voxels import VoxelFilter
 from slam.settings import OdometrySettings
 
-MAX_POINTS = 40_000  # of a downsampled scan for registration; more: points all over the place
-FEW_POINTS = 500  # of one, as on narrow stairs, where a dozen then decide the height; fewer: the map's are registered
-MIN_POINTS = 50  # of a downsampled scan for registration; fewer: an empty or almost empty file
 MIN_INTERVAL = 0.2  # sweeps between two stamps; a shorter interval is an error of the stamps
 GAP = 5.0  # sweeps between two stamps, after which registration starts with a search around the prediction
 MAX_PREDICTION_TIME = 5.0  # s of constant velocity
@@ -51,6 +47,8 @@ FAILED_SIGMA = np.array([0.1, 0.1, 0.1, 2.0, 2.0, 2.0])  # rad, m; of a predicte
 VELOCITY_WINDOW = 10  # scans of the median velocity: two steps of a person with the sensor, one second of a car
 VELOCITY_CHANGE_GAIN = 0.2  # of the newest change of the velocity in their running covariance
 DISTORTION_POINTS = 4  # every 4th point is enough for the effect of a scan's distortion
+ABRUPT_TURN = np.deg2rad(0.75)  # per sweep, between the motion by which a scan was deskewed and its own
+MAX_DESKEWS = 3  # of such a scan; fewer when the motions agree to a quarter of an abrupt turn
 ACCELERATION_SIGMA = 1.0  # m/s^2, of an unobservable velocity
 
 
@@ -63,7 +61,6 @@ class Track:
         vertical_correction: Angle [rad] added to each elevation.
 
     Attributes:
-        sizes: Cell and voxel sizes, None before the first scan.
         target: The target of the registration, None before the first scan.
         competing: Whether this is one of several hypotheses of the first motion.
         evidence: Sum of the scores of the registered scans, while competing.
@@ -73,8 +70,8 @@ class Track:
         self, settings: OdometrySettings, *, sweep_duration: float = 0.1, vertical_correction: float = 0.0
     ) -> None:
         self.settings = settings
-        self.sweep_duration, self.vertical_correction = sweep_duration, vertical_correction
-        self.sizes: Sizes | None = None
+        self.sweep_duration = sweep_duration
+        self._preprocessing = Preprocessing(settings, vertical_correction)
         self.target: Target | None = None
         self._pose, self._stamp = np.eye(4), float("nan")  # of the last registered scan
         self._velocity = np.zeros(6)  # rad/s, m/s in the sensor's axes
@@ -90,6 +87,11 @@ class Track:
         self.competing, self.evidence = False, 0.0
 
     @property
+    def sizes(self) -> Sizes | None:
+        """Cell and voxel sizes; None before the first scan."""
+        return self._preprocessing.sizes
+
+    @property
     def scans(self) -> int:
         """Number of registered scans."""
         return self._registered
@@ -102,19 +104,19 @@ class Track:
             stamp: Time of the scan [s].
         """
         prediction = self.predict(stamp)
-        prepared = self._preprocess(cloud)
+        prepared = self._prepared(cloud)
         if self.target is None or len(prepared.points[0]) < MIN_POINTS:
             step = self._prediction_step(prediction, prepared)
         elif len(self.target) == 0:
             step = OdometryStep(prediction, 1e-12 * np.eye(6), "registered", None, *prepared.scan)
         else:
-            step = self._registration_step(self.target, prepared, prediction, stamp)
+            step, prepared = self._registration_step(self.target, prepared, prediction, stamp)
         self._first = cloud if self._registered == 0 and cloud.time is not None else None
         return self._update(step, prepared, stamp)
 
     def hypotheses(self, cloud: PointCloud, stamp: float) -> list[tuple[Track, OdometryStep]]:
         """Register the second scan, and return a track and its step for each motion found by the search, best first."""
-        prepared = self._preprocess(cloud)
+        prepared = self._prepared(cloud)
         points = prepared.points
         if self.target is None or len(points[0]) < MIN_POINTS:
             return []
@@ -143,11 +145,26 @@ class Track:
         The velocity was unknown at the first scan.
         """
         assert self.target is not None
-        self._velocity = se3.log(se3.normalized(se3.inverse(self._pose) @ found.pose)) / self._elapsed(stamp)
+        self._velocity = self._velocity_to(found.pose, stamp)
         self.target.clear()
-        self.target.insert(*self._preprocess(first).map_points, self._pose)
-        prepared = self._preprocess(second)
+        self.target.insert(*self._prepared(first).map_points, self._pose)
+        prepared = self._prepared(second)
         return self.target.align(*prepared.points, found.pose), prepared
+
+    def _deskew_by_motion(
+        self, target: Target, prepared: Prepared, found: RegistrationResult, stamp: float
+    ) -> tuple[RegistrationResult, Prepared]:
+        """If a scan turned abruptly, deskew it by its own motion and register it again, until both agree."""
+        limit = ABRUPT_TURN
+        for _ in range(MAX_DESKEWS):
+            cloud, correction = prepared.scan
+            velocity = self._velocity_to(found.pose, stamp)
+            change = np.linalg.norm(velocity[:3] - correction.velocity[:3]) * self.sweep_duration
+            if prepared.time is None or change <= limit:
+                break
+            prepared, limit = self._preprocessing(cloud, velocity), ABRUPT_TURN / 4
+            found = target.align(*prepared.points, found.pose)
+        return found, prepared
 
     def _distinct_motions(
         self, candidates: list[RegistrationResult], some: Sample, score: Callable[[Array], float], stamp: float
@@ -167,21 +184,12 @@ class Track:
                 distinct.append(found)
         return distinct if any(self._agrees(some, found, stamp) for found in distinct) else []
 
-    def _preprocess(self, cloud: PointCloud) -> Prepared:
-        """Downsample and correct a scan."""
-        correction = Correction(self._velocity, self.vertical_correction)
-        some = sample(cloud, correction)
-        if self.target is None and len(cloud) >= MIN_POINTS:
-            self._initialise(cloud)
-        if self.target is None:
-            return Prepared((cloud, correction), some, NO_POINTS, NO_POINTS, None)
-        xyz, weight, time = self._map_filter(cloud.xyz, self._weights(cloud), cloud.time)
-        map_points = correction.points(xyz, None if cloud.time is None else time), weight
-        thinned = self._registration_filter(*map_points, time)
-        if len(thinned[0]) < FEW_POINTS and self.settings.voxel_size is None:
-            thinned = (*map_points, time)
-        xyz, weight, time = (values[:: max(1, len(values) // MAX_POINTS)] for values in thinned)
-        return Prepared((cloud, correction), some, map_points, (xyz, weight), None if cloud.time is None else time)
+    def _prepared(self, cloud: PointCloud) -> Prepared:
+        """A scan deskewed by the last velocity. The target is created with the first one."""
+        prepared = self._preprocessing(cloud, self._velocity)
+        if self.target is None and self.sizes:
+            self.target = _target(self.settings, self.sizes.cell_sizes)
+        return prepared
 
     def _update(self, step: OdometryStep, prepared: Prepared, stamp: float) -> OdometryStep:
         """Update evidence, motion and map with a step; return the step with its velocity."""
@@ -198,36 +206,23 @@ class Track:
         """Return the pose (4, 4) at `stamp` for a constant velocity since the last registered scan."""
         return self._pose @ se3.exp(self._velocity * min(self._elapsed(stamp), MAX_PREDICTION_TIME))
 
-    def _initialise(self, scan: PointCloud) -> None:
-        """Choose cell and voxel sizes from the first scan, and create the target."""
-        self.sizes = sizes = choose_sizes(self.settings, scan.xyz)
-        self._map_filter = VoxelFilter(sizes.map_voxel_size, sizes.min_range, self.settings.max_range)
-        self._registration_filter = VoxelFilter(sizes.voxel_size)
-        self.target = _target(self.settings, sizes.cell_sizes)
-
-    def _weights(self, scan: PointCloud) -> Array:
-        """Weights (N,) float32: 1 for a sigma up to `full_weight_sigma`, less for a larger range error."""
-        full = np.float32(self.settings.full_weight_sigma)
-        if not len(scan.sigma) or scan.sigma.max() <= full:  # as of measured points
-            return np.ones(len(scan), np.float32)
-        return np.asarray((full / np.maximum(scan.sigma, full)) ** 2)
-
     def _elapsed(self, stamp: float) -> float:
         """Time [s] since the last registered scan; one sweep if the stamps do not rise."""
         elapsed = stamp - self._stamp
         return elapsed if elapsed >= MIN_INTERVAL * self.sweep_duration else self.sweep_duration
 
-    def _registration_step(self, target: Target, prepared: Prepared, prediction: Array, stamp: float) -> OdometryStep:
-        """Register a scan, with a search after a gap or an implausible registration, and validate the result."""
-        points = prepared.points
-        if self.competing:  # no search: a competing hypothesis keeps to its own motion
-            found = target.align(*points, prediction)
-            diverged = _distance(prediction, found.pose) > DISTINCT * target.convergence_radius
-            if diverged or not self._is_valid(found, ALL_OBSERVED) or not self._agrees(prepared.sample, found, stamp):
-                return self._prediction_step(prediction, prepared, found)
-            covariance = self._motion_covariance(target, prepared, found)
-            return OdometryStep(found.pose, covariance, "registered", found, *prepared.scan)
+    def _registration_step(
+        self, target: Target, prepared: Prepared, prediction: Array, stamp: float
+    ) -> tuple[OdometryStep, Prepared]:
+        """Register a scan, with a search after a gap or an implausible registration, and validate the result.
+
+        Returns:
+            The step, and the scan: deskewed again if it turned abruptly.
+        """
+        if self.competing:
+            return self._competing_step(target, prepared, prediction, stamp), prepared
         status: Literal["registered", "retried", "degenerate"] = "registered"
+        recorded, points = prepared, prepared.points
         gap = self._failures > 0 or self._elapsed(stamp) > GAP * self.sweep_duration
         if self._registered < 2 or gap:
             one_sweep_on = self.predict(self._stamp + self.sweep_duration)
@@ -240,24 +235,37 @@ class Track:
             if not found.converged:  # as after an abrupt turn: more iterations are a fraction of a search
                 found = target.align(*points, found.pose, locked)
         lost = target.unobserved(*points, found.pose, self._unobserved)
+        if not len(lost):
+            found, prepared = self._deskew_by_motion(target, prepared, found, stamp)
         if len(lost):
             steady_pose = prediction if gap else self._steady_prediction(prediction, lost, stamp)
             found = target.align(*points, steady_pose, _unobserved_twists(lost))
         elif self._registered > 1 and not gap and not self._is_plausible(target, prediction, found):
             sound = found.converged and self._is_valid(found, ALL_OBSERVED)
             needed = CLEARLY_MORE if sound else 1.0
-            found = search(target, points, [prediction], self.settings.search_radius, found, needed)
+            found = search(target, prepared.points, [prediction], self.settings.search_radius, found, needed)
+            found, prepared = self._deskew_by_motion(target, prepared, found, stamp)
             status = "retried"
         if not self._is_valid(found, lost) or not self._agrees(prepared.sample, found, stamp):
-            return self._prediction_step(prediction, prepared, found)
+            return self._prediction_step(prediction, recorded, found), recorded
         self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
         self._unobserved = lost
         covariance = self._motion_covariance(target, prepared, found)
         if not len(lost):
-            return OdometryStep(found.pose, covariance, status, found, *prepared.scan)
+            return OdometryStep(found.pose, covariance, status, found, *prepared.scan), prepared
         directions = _unobserved_twists(lost @ found.pose[:3, :3])
         covariance = self._drift_covariance(covariance, directions, stamp)
-        return OdometryStep(found.pose, covariance, "degenerate", found, *prepared.scan, directions)
+        return OdometryStep(found.pose, covariance, "degenerate", found, *prepared.scan, directions), prepared
+
+    def _competing_step(self, target: Target, prepared: Prepared, prediction: Array, stamp: float) -> OdometryStep:
+        """Register a scan without a search: a competing hypothesis keeps to its own motion."""
+        found = target.align(*prepared.points, prediction)
+        diverged = _distance(prediction, found.pose) > DISTINCT * target.convergence_radius
+        if diverged or not self._is_valid(found, ALL_OBSERVED) or not self._agrees(prepared.sample, found, stamp):
+            return self._prediction_step(prediction, prepared, found)
+        return OdometryStep(
+            found.pose, self._motion_covariance(target, prepared, found), "registered", found, *prepared.scan
+        )
 
     def _steady_prediction(self, prediction: Array, lost: Array, stamp: float) -> Array:
         """The prediction (4, 4) with the median of the last velocities along the unobservable directions `lost` (K, 3).
@@ -368,9 +376,8 @@ class Track:
             self._mean_overlap += (found.overlap - self._mean_overlap) / scans
             self._mean_inliers += (found.inlier_ratio - self._mean_inliers) / scans
             self._mean_upright_inliers += (found.upright_inlier_ratio - self._mean_upright_inliers) / scans
-        motion = se3.log(se3.normalized(se3.inverse(self._pose) @ step.pose))
         if self._registered:
-            velocity = motion / self._motion_duration(motion, stamp)
+            velocity = self._velocity_to(step.pose, stamp)
             if self._registered > 1:
                 change = velocity - self._velocity
                 gain = max(VELOCITY_CHANGE_GAIN, 1 / (self._registered - 1))
@@ -380,15 +387,18 @@ class Track:
         self._pose, self._stamp = step.pose, stamp
         self._registered += 1
 
-    def _motion_duration(self, motion: Array, stamp: float) -> float:
-        """Duration [s] of a motion: from the stamps, or one sweep if that agrees better with the last velocity.
+    def _velocity_to(self, pose: Array, stamp: float) -> Array:
+        """Velocity (6,) of the motion since the last registered scan to a pose (4, 4).
 
-        A clock that was stepped must not reduce the velocity.
+        The motion took the time between the stamps, or one sweep if that agrees better with the last velocity: a clock
+        that was stepped must not reduce the velocity.
         """
-        choices = [self._elapsed(stamp)]
-        if choices[0] > GAP * self.sweep_duration and self._registered > 1:
-            choices.append(self.sweep_duration)
-        return min(choices, key=lambda elapsed: float(np.linalg.norm((motion / elapsed - self._velocity)[3:])))
+        motion = se3.log(se3.normalized(se3.inverse(self._pose) @ pose))
+        durations = [self._elapsed(stamp)]
+        if durations[0] > GAP * self.sweep_duration and self._registered > 1:
+            durations.append(self.sweep_duration)
+        velocities = (motion / duration for duration in durations)
+        return min(velocities, key=lambda velocity: float(np.linalg.norm((velocity - self._velocity)[3:])))
 
     def _update_map(self, target: Target, step: OdometryStep, points: Points) -> bool:
         """Insert the scan into the map, evict distant cells, and restart the map after too many failures.
@@ -408,27 +418,6 @@ class Track:
             self._last_eviction = step.pose[:3, 3].copy()
             target.evict(self._last_eviction, self.settings.map_radius)
         return restart
-
-
-class Prepared(NamedTuple):
-    """A scan ready for registration.
-
-    Attributes:
-        scan: The scan as recorded, and its correction.
-        sample: Some of its points.
-        map_points: Its points for the map.
-        points: Its points for registration, N.
-        time: Their times (N,) [s] from the middle of the sweep; None without times.
-    """
-
-    scan: tuple[PointCloud, Correction]
-    sample: Sample
-    map_points: Points
-    points: Points
-    time: Array | None
-
-
-NO_POINTS: Points = (np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
 
 
 def _distance(pose: Array, other: Array) -> float:
