@@ -65,6 +65,7 @@ class Mapper:
         self._searches: deque[Future[None]] = deque()
         self._completed: deque[Completed] = deque()  # keyframes that are not in the graph yet
         self._snapshots: deque[tuple[dict[str, Frozen], dict[str, int]]] = deque()  # to be written
+        self._stopped = False  # the keyframes that are left are not searched, but belong to the snapshots
         self._count = 0  # number of keyframes in the graph
         self._ended: Future[None] | None = None  # the completion of the last keyframe
         self._settled: Future[None] | None = None  # the selection of the loops after it
@@ -85,8 +86,7 @@ class Mapper:
 
     def close(self, wait: bool = True) -> None:
         """End the threads; without `wait`, what they are working at continues in the background."""
-        if not wait:
-            self._completed.clear()
+        self._stopped = not wait
         self._gathering.shutdown(wait=wait, cancel_futures=True)
         self._searching.shutdown(wait=wait, cancel_futures=True)
 
@@ -176,6 +176,8 @@ class Mapper:
     def _close_completed(self) -> None:
         """In the second thread: add the keyframes that are complete now to the graph, and search their loops."""
         for _ in range(len(self._completed)):  # later ones have tasks of their own, which wait in memory
+            if self._stopped:
+                break
             self._write_snapshots()  # those from before this keyframe was complete: it must not be in the graph yet
             self._close(self._completed.popleft())
 

@@ -6,7 +6,7 @@ import threading
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -19,6 +19,7 @@ from slam.data.errors import InputError
 from slam.journal import journal as journals
 from slam.journal.journal import Journal
 from slam.journal.session_file import SessionFile
+from slam.loops.closing import LoopSearch
 from slam.loops.submap import submap
 from slam.odometry import OdometryStep
 from slam.recorded_odometry import RecordedSteps
@@ -167,13 +168,9 @@ def journaled(
 ) -> Run:
     """The run over the frames, with a journal; `stop` leaves at that frame, places are known after `visits`.
 
-    The submaps are short, so that the second round leaves those of the first one. `wait` searches all loops of a frame
-    before the next one.
+    `wait` searches all loops of a frame before the next one.
     """
-    reach = ("loops.verification.match_submap_radius=2.5", "loops.verification.query_submap_radius=2.5")
-    search = ("loops.scan_context.min_travelled_distance=60", "loops.scan_context.submap_length=2")
-    config = load_config(None, ["keyframes.memory_mb=0.1", f"keyframes.max_visits={visits}", *reach, *search])
-    with Slam(config, odometry=RecordedSteps(Drifting().poses, 0.1, 0.0), journal=journal) as it:
+    with with_short_submaps(journal, visits) as it:
         for frame in frames[len(it.result.records) : stop]:
             it.add(frame)
             if wait:
@@ -181,6 +178,49 @@ def journaled(
         if stop is not None:
             raise KeyboardInterrupt
         return it.finish()
+
+
+def with_short_submaps(journal: Journal | None, visits: int = 2) -> Slam:
+    """SLAM with submaps so short that the second round leaves those of the first one."""
+    reach = ("loops.verification.match_submap_radius=2.5", "loops.verification.query_submap_radius=2.5")
+    search = ("loops.scan_context.min_travelled_distance=60", "loops.scan_context.submap_length=2")
+    config = load_config(None, ["keyframes.memory_mb=0.1", f"keyframes.max_visits={visits}", *reach, *search])
+    return Slam(config, odometry=RecordedSteps(Drifting().poses, 0.1, 0.0), journal=journal)
+
+
+def test_a_run_that_is_stopped_while_keyframes_wait_for_the_search_resumes(
+    frames: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The run is left while a search goes on; what that thread writes afterwards has the waiting keyframes."""
+    monkeypatch.setattr(journals, "SNAPSHOT_EVERY", 0.0)
+    added, reached, left, search = (*(threading.Event() for _ in range(3)), LoopSearch.next)
+
+    def late(self: LoopSearch, keyframes: Any, odometry: Any) -> Any:
+        if len(self) == 4:
+            added.wait(60)  # now several keyframes wait, for one task
+        if len(self) == 5:
+            reached.set()
+            left.wait(60)
+        return search(self, keyframes, odometry)
+
+    with Journal.begin(tmp_path / "s", {}) as journal:
+        monkeypatch.setattr(LoopSearch, "next", late)
+        with suppress(KeyboardInterrupt), with_short_submaps(journal) as it:
+            for frame in frames[:30]:
+                it.add(frame)
+            added.set()
+            assert reached.wait(60)
+            for frame in frames[30:40]:
+                it.add(frame)  # their snapshots are written after that search
+            raise KeyboardInterrupt
+        left.set()
+        for thread in threading.enumerate():
+            if thread.name.startswith("loops"):
+                thread.join()
+    monkeypatch.undo()
+    with Journal.resume(tmp_path / "s") as journal:
+        resumed = journaled(frames, journal)
+    assert resumed.poses.tobytes() == journaled(frames, None).poses.tobytes()
 
 
 @pytest.mark.parametrize("visits", [1, 2])
