@@ -39,7 +39,7 @@ PROTOCOL = f"""\
 * Named: degenerate frames of the first three kinds; the angle (median) between the reported direction, the one nearest
   to the axis if there are several, and the true axis.
 * NEES of the motion between frames, for each axis of the sensor (x ahead, y left, z up): 1 for a consistent covariance,
-  the target is {LEAST:g} to {MOST:g}. The first frames do not count.
+  the target is {LEAST:g} to {MOST:g}. The first frames do not count. The motion from a failed frame has its error too.
 * NEES over longer ways: of the motions over some keyframes, 2 m apart, and of the {ABSOLUTE} relative to the first
   one, as `trajectory_covariance.csv` has them: the registration errors of both ends, which do not accumulate, and the
   drift of the local map, which does. All six degrees of freedom together, and the smallest and largest along an axis.

@@ -38,6 +38,13 @@ class OwnRun:
     unobserved: list[Array]
 
     @property
+    def motion_covariances(self) -> Array:
+        """Covariances (N, 6, 6) of the motions from the frame before; that from a failed frame has its error too."""
+        failed = (self.statuses == "failed")[:-1, None, None]
+        before = np.where(failed, self.covariances[:-1], 0)
+        return self.covariances + np.concatenate([np.zeros((1, 6, 6)), before])
+
+    @property
     def errors(self) -> MotionErrors:
         """Errors of registrations and drift that the covariances stand for."""
         return map_errors(self.poses, self.covariances, self.unobserved, self.statuses == "failed")

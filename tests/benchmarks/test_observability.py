@@ -56,6 +56,11 @@ def test_directions_that_are_named() -> None:
     assert len(named_angles(said(straight(1), ["registered"]), axes, everywhere)) == 0
 
 
+def test_the_motion_from_a_failed_frame_has_its_error_too() -> None:
+    run = said(straight(4), ["registered", "failed", "registered", "registered"])
+    np.testing.assert_allclose(run.motion_covariances[:, 0, 0], [0.01, 0.01, 0.02, 0.01])
+
+
 def test_figures_by_kind_of_frame() -> None:
     truth, poses = straight(12), straight(12)
     poses[6:, 0, 3] += 0.5  # frame 6 jumps ahead and is degenerate; frame 9 jumps unreported
