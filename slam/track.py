@@ -235,17 +235,17 @@ class Track:
             if not found.converged:  # as after an abrupt turn: more iterations are a fraction of a search
                 found = target.align(*points, found.pose, locked)
         lost = target.unobserved(*points, found.pose, self._unobserved)
-        if not len(lost):
-            found, prepared = self._deskew_by_motion(target, prepared, found, stamp)
         if len(lost):
             steady_pose = prediction if gap else self._steady_prediction(prediction, lost, stamp)
             found = target.align(*points, steady_pose, _unobserved_twists(lost))
-        elif self._registered > 1 and not gap and not self._is_plausible(target, prediction, found):
-            sound = found.converged and self._is_valid(found, ALL_OBSERVED)
-            needed = CLEARLY_MORE if sound else 1.0
-            found = search(target, prepared.points, [prediction], self.settings.search_radius, found, needed)
+        else:
             found, prepared = self._deskew_by_motion(target, prepared, found, stamp)
-            status = "retried"
+            if self._registered > 1 and not gap and not self._is_plausible(target, prediction, found):
+                sound = found.converged and self._is_valid(found, ALL_OBSERVED)
+                needed = CLEARLY_MORE if sound else 1.0
+                found = search(target, prepared.points, [prediction], self.settings.search_radius, found, needed)
+                found, prepared = self._deskew_by_motion(target, prepared, found, stamp)
+                status = "retried"
         if not self._is_valid(found, lost) or not self._agrees(prepared.sample, found, stamp):
             return self._prediction_step(prediction, recorded, found), recorded
         self._unobserved_for = self._unobserved_for + self._elapsed(stamp) if len(lost) else 0.0
