@@ -10,7 +10,6 @@ drives of benchmarks/common/simulated.py. Writes starts.md and .json in benchmar
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -20,37 +19,23 @@ os.environ.update(ONE_THREAD)
 
 import numpy as np
 
-from benchmarks.common.page import surroundings, table, without_about, write_results
-from benchmarks.common.script import add_results, parser, run_script
+from benchmarks.common.page import table, without_about
+from benchmarks.common.script import run_script
 from benchmarks.odometry import inputs
-from benchmarks.odometry.chosen_drives import ChosenDrive, add_drives, chosen_drives
+from benchmarks.odometry.by_drive import TITLES, measure_by_drive
+from benchmarks.odometry.chosen_drives import ChosenDrive
 from benchmarks.odometry.measure import Scan
-from benchmarks.odometry.names import OURS, REFERENCE, SYSTEMS
+from benchmarks.odometry.names import SYSTEMS
 from benchmarks.odometry.systems import System, build
 from slam.data.cloud import Array
 
-DEFAULT = next(iter(OURS))
 STARTS, STEP, LENGTH = 31, 2, 26  # first frames, frames between them, frames from each
 MAX_SHARE, MAX_ERROR = 0.03, 0.1  # of the distance from first to last frame: share of it, and m
 FAR = 0.2  # of the distance, in brackets
-TITLES = {DEFAULT: "lidarlift", REFERENCE: "KISS-ICP"}
 
 
 def main() -> None:
-    arguments = parser(__doc__)
-    add_drives(arguments)
-    inputs.add_inputs(arguments, (inputs.FULL, inputs.SPARSE))
-    arguments.add_argument("--systems", nargs="+", default=[DEFAULT, REFERENCE], choices=SYSTEMS)
-    add_results(arguments)
-    options = arguments.parse_args()
-    found: dict[str, Any] = {"about": surroundings(("numpy", "numba", "kiss-icp"))}
-    for drive in chosen_drives(options, images=not set(options.inputs) <= set(inputs.IMAGELESS)):
-        for name in options.inputs:
-            if inputs.why_not(name, drive.data) is None:
-                counts = {system: wrong_starts(drive, name, system) for system in options.systems}
-                found.setdefault(drive.name, {})[name] = counts
-                print(drive.name, name, counts, file=sys.stderr)
-        write_results(options.results, "starts", found, page)
+    measure_by_drive(__doc__, "starts", wrong_starts, page)
 
 
 def wrong_starts(drive: ChosenDrive, name: str, system: str) -> dict[str, Any]:

@@ -11,7 +11,6 @@ benchmarks/results.
 from __future__ import annotations
 
 import os
-import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -23,40 +22,26 @@ os.environ.update(ONE_THREAD)
 
 import numpy as np
 
-from benchmarks.common.page import surroundings, table, without_about, write_results
-from benchmarks.common.script import add_results, parser, run_script
+from benchmarks.common.page import table, without_about
+from benchmarks.common.script import run_script
 from benchmarks.odometry import inputs
-from benchmarks.odometry.chosen_drives import ChosenDrive, add_drives, chosen_drives
+from benchmarks.odometry.by_drive import TITLES, measure_by_drive
+from benchmarks.odometry.chosen_drives import ChosenDrive
 from benchmarks.odometry.measure import Scan
-from benchmarks.odometry.names import OURS, REFERENCE, SYSTEMS
+from benchmarks.odometry.names import SYSTEMS
 from benchmarks.odometry.systems import System, build
 from slam.data import se3
 from slam.data.cloud import Array, PointCloud
 
-DEFAULT = next(iter(OURS))
 DEGREES = (0, 3, 6, 9, 12)  # without a turn for comparison; else to the left and to the right by turns
 BEFORE, AFTER = 20, 5  # scans before the turn and from its end on
 STEP, TURNS = 12, 8  # frames between two turns, and their maximum number, of each angle
 MAX_METRES, MAX_DEGREES = 0.3, 1.0  # of the motion from before the turn to the last scan
 FOUND, FAILED, WRONG = "found", "failed", "wrong"
-TITLES = {DEFAULT: "lidarlift", REFERENCE: "KISS-ICP"}
 
 
 def main() -> None:
-    arguments = parser(__doc__)
-    add_drives(arguments)
-    inputs.add_inputs(arguments, (inputs.FULL, inputs.SPARSE))
-    arguments.add_argument("--systems", nargs="+", default=[DEFAULT, REFERENCE], choices=SYSTEMS)
-    add_results(arguments)
-    options = arguments.parse_args()
-    found: dict[str, Any] = {"about": surroundings(("numpy", "numba", "kiss-icp"))}
-    for drive in chosen_drives(options, images=not set(options.inputs) <= set(inputs.IMAGELESS)):
-        for name in options.inputs:
-            if inputs.why_not(name, drive.data) is None:
-                counts = {system: outcomes(drive, name, system) for system in options.systems}
-                found.setdefault(drive.name, {})[name] = counts
-                print(drive.name, name, counts, file=sys.stderr)
-        write_results(options.results, "turns", found, page)
+    measure_by_drive(__doc__, "turns", outcomes, page)
 
 
 def outcomes(drive: ChosenDrive, name: str, system: str) -> dict[str, dict[str, int]]:
